@@ -1,6 +1,6 @@
 """What commands print: the one place that texts pass, where names of files, layers, kinds and columns are escaped.
 
-A test holds every command to it: nothing else writes to the standard streams, but for progress and tables, which pass
+Separate from `failures`, because what a command found is printed here, too. A test holds every command to it: nothing else writes to the standard streams, but for progress and tables, which pass
 `linework.errors.printable` too.
 """
 

@@ -64,7 +64,7 @@ def evaluate_command(
     Reports completeness, correctness, quality, and lateral and height errors. Scores the kinds that both files hold.
     An empty layer counts as holding its kind, so a kind of which nothing was found is scored too.
     """
-    from linework.errors import UsageError, check_extra
+    from linework.errors import PartialError, UsageError, check_extra
     from linework.evaluation.measures import match_lines, scores_of
     from linework.files.output.publish import check_output
 
@@ -74,8 +74,9 @@ def evaluate_command(
         check_extra("reports", where="--picture")
         check_output(picture, overwrite=overwrite)
     names = _parsed_map(kind_map)
-    found = _read(lines, "kind", {}, crs)
-    truth = _read(reference, kind_field, names, crs)
+    left_out: list[str] = []
+    found = _read(lines, "kind", {}, crs, left_out)
+    truth = _read(reference, kind_field, names, crs, left_out)
     held = (_kinds_held(lines, found, {}), _kinds_held(reference, truth, names))
     chosen = _requested_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
     _report_not_scored(chosen, found, truth)
@@ -92,6 +93,8 @@ def evaluate_command(
         from linework.evaluation.report.tables import score_tables
 
         print_tables(score_tables(scores))
+    if left_out:
+        raise PartialError("; ".join(left_out), advice="the other lines are scored")
 
 
 def _parsed_map(text: str) -> dict[str, str]:
@@ -116,20 +119,23 @@ def _parsed_map(text: str) -> dict[str, str]:
     return names
 
 
-def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str | None) -> LineSet:
+def _read(
+    path: Path, kind_field: str, names: Mapping[str, str], crs: str | None, left_out: list[str]
+) -> LineSet:
     """Read lines, with the kinds of `names` where given; lines of other names are dropped."""
     import numpy as np
 
     from linework.errors import InputError
-    from linework.files.vectors.read_write import read_lines
+    from linework.files.vectors.read_write import read_usable_lines
 
-    lines = read_lines(path, crs=crs)
+    lines, problem = read_usable_lines(path, crs=crs)
+    left_out += [problem] if problem else []
     if kind_field == "kind" and not names:
         return lines
     own = lines.kind
     if kind_field != "kind":
         # Files of other programs are read in file order, whichever field is read: the rows correspond
-        own = read_lines(path, kind_field=kind_field, crs=crs).kind
+        own = read_usable_lines(path, kind_field=kind_field, crs=crs)[0].kind
     if not names:
         return lines.with_columns(kind=own)
     kind = np.array(

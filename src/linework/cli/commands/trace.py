@@ -220,9 +220,14 @@ def _position(option: str, text: str) -> tuple[float, float]:
 def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
     """Return the lines of a file and a new one, joined where it continues one of them."""
     from linework.editing.edits.continued import continue_lines
-    from linework.files.vectors.read_write import read_lines
+    from linework.errors import InputError
+    from linework.files.vectors.read_write import read_usable_lines
 
-    return continue_lines(read_lines(output), lines)
+    there, left_out = read_usable_lines(output)
+    if left_out:
+        # They would be gone from the file that is written in its place
+        raise InputError(left_out, advice="correct them, or write to another file")
+    return continue_lines(there, lines)
 
 
 def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:

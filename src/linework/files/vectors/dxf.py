@@ -83,7 +83,7 @@ def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
     MachineError
         The lines read back are not those that were written.
     """
-    back = read_dxf(part, "kind", None, LOCAL)
+    back = read_dxf(part, "kind", None, LOCAL, [])
     if len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"
@@ -117,27 +117,35 @@ def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def read_dxf(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     """Read the lines, polylines and lightweight polylines of a DXF file; the kind of a line is its layer.
+
+    Those that cannot be read are added to `left_out`.
 
     Raises
     ------
     InputError
         Not a DXF file.
     """
-    shapes, tables = [], []
+    shapes, tables, places = [], [], []
     with _drawing_errors(path):
         for entity in readfile(path).modelspace().query("LINE POLYLINE LWPOLYLINE"):
             vertices = _vertices(entity)
             if len(vertices) < 2:
                 continue
-            shapes.append(shapely.linestrings(vertices))
+            with np.errstate(invalid="ignore"):
+                shapes.append(shapely.linestrings(vertices))
+            places.append(f"{entity.dxftype()} {entity.dxf.handle} on layer {entity.dxf.layer}")
             tables.append({"layer": entity.dxf.layer} | _own_fields(entity))
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
     array = np.array([*shapes, None], dtype=object)[:-1]
-    return foreign_lines(array, kind, columns, kinds, _crs_beside(path, crs) or crs or LOCAL, path)
+    return foreign_lines(
+        array, kind, columns, kinds, _crs_beside(path, crs) or crs or LOCAL, path, left_out, places
+    )
 
 
 def _crs_beside(path: Path, given: str | None) -> str | None:

@@ -13,7 +13,7 @@ import shapely
 
 from linework.arrays import AnyArray
 from linework.crs import LOCAL, describe_crs, stated_crs
-from linework.errors import CrsError, InputError, LineworkWarning, MachineError
+from linework.errors import CrsError, InputError, MachineError
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,
@@ -21,6 +21,7 @@ from linework.files.vectors.fields import (
     lines_from_geometries,
 )
 from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
+from linework.files.vectors.left_out import usable_features
 from linework.model.lines import LINE_COLUMNS, LineSet
 from linework.model.lineset.geometries import geometries
 
@@ -31,10 +32,13 @@ _OURS = (*TABLES, REJECTED_LAYER)
 _COUNTED = "1 = 1"
 
 
-def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def read_foreign(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     """Read the lines of every layer of a GeoPackage, FlatGeobuf or Shapefile.
 
-    The kind of a feature is the value of `kind_field` if there is one, else the name of the layer.
+    The kind of a feature is the value of `kind_field` if there is one, else the name of the layer. Features that cannot
+    be read are added to `left_out`.
 
     Raises
     ------
@@ -45,17 +49,20 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     """
     with reading_with_gdal(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
-        read = [(layer, *pyogrio.raw.read(path, layer=layer, where=_COUNTED)) for layer in layers]
+        read = [(layer, *pyogrio.raw.read(path, layer=layer, where=_COUNTED, return_fids=True)) for layer in layers]
+        for layer, _, fids, shapes, _ in read:
+            left_out += _damaged(path, layer, fids, shapes)
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
-    for layer, meta, _, shapes, values in read:
+    for layer, meta, fids, shapes, values in read:
         own = stated_crs(meta["crs"], crs, where=path) if meta["crs"] else None
         table = dict(zip(meta["fields"], values, strict=True))
         kind = table.get(kind_field, np.full(len(shapes), layer, dtype=object))
-        geometries_read = shapely.from_wkb(shapes)
-        _warn_of_missing(geometries_read, path)
-        sets.append(foreign_lines(geometries_read, kind, table, kinds, own or crs or LOCAL, path))
+        with np.errstate(invalid="ignore"):
+            parsed = shapely.from_wkb(shapes)
+        names = [f"feature {fid} of layer {layer}" for fid in fids]
+        sets.append(foreign_lines(parsed, kind, table, kinds, own or crs or LOCAL, path, left_out, names))
     others = [lines.crs for lines in sets if lines.crs != sets[0].crs]
     if others:
         raise CrsError(
@@ -65,27 +72,37 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     return LineSet.concatenate(sets)
 
 
+def _damaged(path: Path, layer: str, fids: AnyArray, shapes: AnyArray) -> list[str]:
+    """Return the features that have a geometry in the file, but none of GDAL's, which says nothing."""
+    missing = {int(fid) for fid, shape in zip(fids, shapes, strict=True) if shape is None}
+    if not missing:
+        return []
+    if path.suffix.lower() != ".gpkg":
+        return [f"feature {fid} of layer {layer}: no geometry can be read" for fid in sorted(missing)]
+    column = str(pyogrio.read_info(path, layer=layer)["geometry_name"]).replace('"', '""')
+    _, there, _, _ = pyogrio.raw.read(
+        path, layer=layer, where=f'"{column}" IS NOT NULL', columns=[], read_geometry=False, return_fids=True
+    )
+    damaged = sorted(missing & {int(fid) for fid in there})
+    return [f"feature {fid} of layer {layer}: its geometry is damaged" for fid in damaged]
+
+
 def foreign_lines(
-    shapes: AnyArray, values: Any, table: Mapping[str, Any], kinds: Mapping[str, str] | None, crs: str, path: Path
+    shapes: AnyArray, values: Any, table: Mapping[str, Any], kinds: Mapping[str, str] | None, crs: str, path: Path,
+    left_out: list[str], names: Sequence[str],
 ) -> LineSet:  # fmt: skip
-    """Return the lines of one layer; with `kinds`, only those whose value it maps to a kind."""
+    """Return the lines of one layer; with `kinds`, only those whose value it maps to a kind.
+
+    Features with places that are not finite are added to `left_out`, by their names.
+    """
     named = ["" if v is None else str(v) for v in values]
-    kept = [i for i, v in enumerate(named) if kinds is None or v in kinds]
+    wanted = [i for i, v in enumerate(named) if kinds is None or v in kinds]
+    shapes = np.asarray(shapes, dtype=object)
+    kept = usable_features(shapes, wanted, names.__getitem__, left_out)
     columns = {name: [table[name][i] for i in kept] for name in LINE_COLUMNS if name in table}
     columns["kind"] = [named[i] if kinds is None else kinds[named[i]] for i in kept]
-    lines, _ = lines_from_geometries(np.asarray(shapes, dtype=object)[kept], columns, crs, path)
+    lines, _ = lines_from_geometries(shapes[kept], columns, crs, path)
     return lines
-
-
-def _warn_of_missing(shapes: AnyArray, path: Path) -> None:
-    """Say how many features have no geometry: GDAL gives none where it cannot read one."""
-    missing = np.flatnonzero(shapely.is_missing(shapes))
-    if len(missing):
-        warnings.warn(
-            f"{path}: {len(missing):,} of {len(shapes):,} features have no geometry that can be read, the first is"
-            f" feature {missing[0] + 1:,}",
-            LineworkWarning, stacklevel=2,
-        )  # fmt: skip
 
 
 def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001
@@ -118,7 +135,7 @@ def verify_flatgeobuf(part: Path, lines: LineSet, path: Path) -> None:
     MachineError
         Not the lines that were written.
     """
-    back = read_foreign(part, "kind", None, None)
+    back = read_foreign(part, "kind", None, None, [])
     if len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"

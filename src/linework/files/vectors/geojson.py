@@ -33,6 +33,7 @@ from linework.files.vectors.fields import (
     vertex_columns,
 )
 from linework.files.vectors.gdal import foreign_lines
+from linework.files.vectors.left_out import bad_position
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values
@@ -123,7 +124,7 @@ def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[Poin
     MachineError
         Not the lines that were written.
     """
-    back = read_geojson(part, "kind", None, None)
+    back = read_geojson(part, "kind", None, None, [])
     n_features = len(lines) + sum(len(layer.xyz) for layer in points)
     same = back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz) and len(back) == len(lines)
     if not same or len(_load(part)["features"]) != n_features:
@@ -132,31 +133,37 @@ def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[Poin
         )
 
 
-def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def read_geojson(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     """Read the lines of a GeoJSON file, our own exactly; points are skipped.
+
+    Features whose geometry cannot be read are added to `left_out`.
 
     Raises
     ------
     InputError
-        Not GeoJSON, or invalid geometries.
+        Not GeoJSON.
     CrsError
         Coordinates in degrees, or an unknown CRS.
     """
     document = _load(path)
     features = [f for f in document.get("features", [document]) if isinstance(f, dict)]
-    shapes = np.array([_shape(f, i, path) for i, f in enumerate(features)] + [None], dtype=object)[:-1]
+    read = [_shape(feature, i, left_out) for i, feature in enumerate(features)]
+    shapes = np.array([*read, None], dtype=object)[:-1]
     own_crs = _crs_of(document, shapes, crs, path)
-    is_line = shapely.get_type_id(shapes) != shapely.GeometryType.POINT
-    features, shapes = [features[i] for i in np.flatnonzero(is_line)], shapes[is_line]
+    chosen = np.flatnonzero(shapely.get_type_id(shapes) != shapely.GeometryType.POINT)
+    features, shapes = [features[i] for i in chosen], shapes[chosen]
     tables = [f.get("properties") or {} for f in features]
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
-    if "crs_wkt" in document and kinds is None and kind_field == "kind":
+    if "crs_wkt" in document and kinds is None and kind_field == "kind" and not left_out:
         own = _own_lines(shapes, columns, own_crs)
         if own is not None:
             return own
     values = columns.get(kind_field, [path.stem] * len(features))
-    return foreign_lines(shapes, values, columns, kinds, own_crs, path)
+    numbered = [f"feature {i + 1}" for i in chosen]
+    return foreign_lines(shapes, values, columns, kinds, own_crs, path, left_out, numbered)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -181,9 +188,16 @@ def _load(path: Path) -> dict[str, Any]:
     return document
 
 
-def _shape(feature: dict[str, Any], i: int, path: Path) -> Any:
+def _shape(feature: dict[str, Any], i: int, left_out: list[str]) -> Any:
+    """Return the geometry of a feature; None without one, or where it is left out."""
     geometry = feature.get("geometry", feature if "coordinates" in feature else None)
     if geometry is None:
+        return None
+    problem = ""
+    if isinstance(geometry, dict) and "coordinates" in geometry and geometry["coordinates"] != []:
+        problem = bad_position(geometry["coordinates"])
+    if problem:
+        left_out.append(f"feature {i + 1}: {problem}")
         return None
     try:
         return shapely.geometry.shape(geometry)
@@ -195,8 +209,8 @@ def _shape(feature: dict[str, Any], i: int, path: Path) -> Any:
         RecursionError,
         shapely.errors.ShapelyError,
     ) as error:
-        raise InputError(f"feature {i + 1} has an invalid geometry ({str(error)[:80]})", where=path,
-                         advice="correct the file") from error  # fmt: skip
+        left_out.append(f"feature {i + 1}: an invalid geometry ({str(error)[:80]})")
+        return None
 
 
 def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path: Path) -> str:

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import importlib
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from linework.crs import LOCAL, describe_crs, parse_crs, same_plan
-from linework.errors import CrsError, UsageError, argument, check_extra
+from linework.errors import CrsError, LineworkWarning, UsageError, argument, check_extra, printable
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
 from linework.files.vectors.fields import check_writable
 from linework.files.vectors.gdal_input import checked_vector_file
+from linework.files.vectors.left_out import left_out_text
 from linework.files.vectors.point_layers import PointLayer, point_layers
 from linework.model.lines import LineSet
 from linework.model.logs import VanLog
 
 _Write = Callable[..., None]
 _Verify = Callable[..., None]
-_Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None"], LineSet]
+_Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None", list[str]], LineSet]
 #: Module that writes each format, imported on first use: importing all of them takes 0.35 s, GeoPackage alone a tenth
 #: of that (measured).
 _WRITERS = {
@@ -160,10 +164,25 @@ def read_lines(
     Raises
     ------
     InputError
-        Not a readable file of lines.
+        Not a readable file of lines, or none of its features can be read.
     CrsError
         The coordinates are in degrees, the layers have different CRSs, or the file states another one than `crs`.
+
+    Warns
+    -----
+    LineworkWarning
+        Features whose geometry cannot be read were left out: with the first of them and its vertex.
     """
+    lines, left_out = read_usable_lines(path, kind_field=kind_field, kinds=kinds, crs=crs)
+    if left_out:
+        warnings.warn(printable(left_out), LineworkWarning, stacklevel=2)
+    return lines
+
+
+def read_usable_lines(
+    path: str | Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: Any = None
+) -> tuple[LineSet, str]:
+    """Read lines as `read_lines` does, and return one line about the features left out, "" for none."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
@@ -171,12 +190,18 @@ def read_lines(
             f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
         )
     given = None if crs is None else parse_crs(crs, where=argument("crs"))
-    found = _READERS[suffix](path, kind_field, kinds, given)
+    left_out: list[str] = []
+    found = _READERS[suffix](path, kind_field, kinds, given, left_out)
+    return _in_crs(found, given, path), left_out_text(left_out, len(found), path)
+
+
+def _in_crs(found: LineSet, given: str | None, path: Path) -> LineSet:
+    """Return lines in the CRS that their file states, or else in the given one; both must agree."""
     if given in (None, found.crs):
         return found
     if found.crs == LOCAL:
         return found.with_columns(crs=given)
-    if not same_plan(found.crs, given):
+    if given is not None and not same_plan(found.crs, given):
         raise CrsError(
             f"two different CRSs: the file says {describe_crs(found.crs)}, {argument('crs')} says {describe_crs(given)}",
             where=path, advice=f"leave {argument('crs')} out, or correct what the file states",
@@ -192,33 +217,46 @@ def _writer(path: Path) -> tuple[_Write, _Verify]:
     return getattr(module, f"write_{name}"), getattr(module, f"verify_{name}")
 
 
-def _read_gpkg(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def _read_gpkg(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     """Read a GeoPackage: exactly if linework wrote it, else by its geometries and fields."""
     from linework.files.vectors.gdal import read_foreign
     from linework.files.vectors.gpkg import read_own_gpkg, roll_back
 
     checked = checked_vector_file(path)
     roll_back(checked)
-    own = read_own_gpkg(checked) if kinds is None and kind_field == "kind" else None
-    return own if own is not None else read_foreign(checked, kind_field, kinds, crs)
+    with np.errstate(invalid="ignore"):
+        own = read_own_gpkg(checked) if kinds is None and kind_field == "kind" else None
+    return (
+        own
+        if own is not None and np.isfinite(own.xyz).all()
+        else read_foreign(checked, kind_field, kinds, crs, left_out)
+    )
 
 
-def _read_with_gdal(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def _read_with_gdal(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     from linework.files.vectors.gdal import read_foreign
 
-    return read_foreign(checked_vector_file(path), kind_field, kinds, crs)
+    return read_foreign(checked_vector_file(path), kind_field, kinds, crs, left_out)
 
 
-def _read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def _read_geojson(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     from linework.files.vectors.geojson import read_geojson
 
-    return read_geojson(path, kind_field, kinds, crs)
+    return read_geojson(path, kind_field, kinds, crs, left_out)
 
 
-def _read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+def _read_dxf(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
     from linework.files.vectors.dxf import read_dxf
 
-    return read_dxf(path, kind_field, kinds, crs)
+    return read_dxf(path, kind_field, kinds, crs, left_out)
 
 
 _READERS: dict[str, _Read] = {

@@ -91,9 +91,9 @@ class Guard:
         with self._faults():
             await self._app({**scope, "headers": kept}, receive, send)
 
-    def knows(self, scope: Scope) -> bool:
+    def knows(self, headers: Headers) -> bool:
         """Return whether a request belongs to an open session."""
-        return self._sessions.knows(Headers(scope=scope).get("cookie", ""))
+        return self._sessions.knows(headers.get("cookie", ""))
 
     def _without_session(self, scope: Scope, headers: Headers) -> Response | None:
         """Return the answer to a request that needs no session, or is refused; None: pass it on."""

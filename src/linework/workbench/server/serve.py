@@ -17,6 +17,7 @@ from typing import Any
 import h11
 import uvicorn
 from fastapi import FastAPI
+from starlette.datastructures import Headers
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from linework.errors import MachineError, argument
@@ -307,7 +308,9 @@ class BoundedConnection(H11Protocol):
         """Handle what came; after a request's head the guard limits the time."""
         super().handle_events()
         if not self._is_of_session and self.scope is not None:
-            self._is_of_session = isinstance(self.config.app, Guard) and self.config.app.knows(self.scope)
+            self._is_of_session = isinstance(self.config.app, Guard) and self.config.app.knows(
+                Headers(raw=list(self.scope["headers"]))
+            )
         is_awaited = self.conn.their_state is h11.IDLE and not self.transport.is_closing()
         if not is_awaited:
             self._stop_timer()
