@@ -27,9 +27,6 @@ from linework.model.lineset.geometries import geometries
 
 #: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)
-#: With a condition, GDAL counts the features. Without one it believes a table of a GeoPackage (gpkg_ogr_contents), which
-#: a program that does not know it leaves as it was: of 6 features 3 were read where it said 3.
-_COUNTED = "1 = 1"
 
 
 def read_foreign(
@@ -49,7 +46,7 @@ def read_foreign(
     """
     with reading_with_gdal(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
-        read = [(layer, *pyogrio.raw.read(path, layer=layer, where=_COUNTED, return_fids=True)) for layer in layers]
+        read = [(layer, *_read_layer(path, layer)) for layer in layers]
         for layer, _, fids, shapes, _ in read:
             left_out += _damaged(path, layer, fids, shapes)
     if not read:
@@ -70,6 +67,21 @@ def read_foreign(
             advice="convert them to one",
         )  # fmt: skip
     return LineSet.concatenate(sets)
+
+
+def _read_layer(path: Path, layer: str) -> Any:
+    """Return what pyogrio reads of a layer: facts, ids, geometries, fields.
+
+    GDAL believes what a table of a GeoPackage (gpkg_ogr_contents) says of the number of features; a program that does not
+    know the table leaves it as it was. With a condition GDAL counts; asked for by their ids, all features come.
+    """
+    if path.suffix.lower() == ".gpkg":
+        _, there, _, _ = pyogrio.raw.read(
+            path, layer=layer, where="1 = 1", columns=[], read_geometry=False, return_fids=True
+        )
+        if len(there) != pyogrio.read_info(path, layer=layer)["features"]:
+            return pyogrio.raw.read(path, layer=layer, fids=there, return_fids=True)
+    return pyogrio.raw.read(path, layer=layer, return_fids=True)
 
 
 def _damaged(path: Path, layer: str, fids: AnyArray, shapes: AnyArray) -> list[str]:
