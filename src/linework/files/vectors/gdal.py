@@ -27,6 +27,8 @@ from linework.model.lineset.geometries import geometries
 
 #: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)
+#: The index of a Shapefile: a header, and a place and a length for each record. [bytes]
+_INDEX_HEADER_BYTES, _INDEX_RECORD_BYTES = 100, 8
 
 
 def read_foreign(
@@ -81,7 +83,22 @@ def _read_layer(path: Path, layer: str) -> Any:
         )
         if len(there) != pyogrio.read_info(path, layer=layer)["features"]:
             return pyogrio.raw.read(path, layer=layer, fids=there, return_fids=True)
+    if path.suffix.lower() == ".shp":
+        _check_index(path, int(pyogrio.read_info(path, layer=layer)["features"]))
     return pyogrio.raw.read(path, layer=layer, return_fids=True)
+
+
+def _check_index(path: Path, n_features: int) -> None:
+    """Refuse a Shapefile whose index says another number of records than it has room for: GDAL believes what it says."""
+    index = next((p for p in (path.with_suffix(".shx"), path.with_suffix(".SHX")) if p.is_file()), None)
+    if index is None:
+        return
+    n_records = (index.stat().st_size - _INDEX_HEADER_BYTES) // _INDEX_RECORD_BYTES
+    if n_records != n_features:
+        raise InputError(
+            f"its index has {n_records:,} records and says {n_features:,} (cut off or damaged)", where=path,
+            advice="copy all files of the Shapefile again",
+        )  # fmt: skip
 
 
 def _damaged(path: Path, layer: str, fids: AnyArray, shapes: AnyArray) -> list[str]:
