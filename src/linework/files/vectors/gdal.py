@@ -47,11 +47,11 @@ def read_foreign(
     CrsError
         In degrees, or layers in different CRSs.
     """
-    with reading_with_gdal(path):
-        layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
-        read = [(layer, *pyogrio.raw.read(path, layer=layer, where=_COUNTED, return_fids=True)) for layer in layers]
+    with reading_with_gdal(path) as source:
+        layers = [str(name) for name, kind in pyogrio.list_layers(source) if str(name) not in _OURS and kind]
+        read = [(layer, *_all_features(source, layer)) for layer in layers]
         for layer, _, fids, shapes, _ in read:
-            left_out += _damaged(path, layer, fids, shapes)
+            left_out += _damaged(source, layer, fids, shapes)
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
@@ -70,6 +70,18 @@ def read_foreign(
             advice="convert them to one",
         )  # fmt: skip
     return LineSet.concatenate(sets)
+
+
+def _all_features(path: Path, layer: str) -> tuple[Any, AnyArray, AnyArray, Any]:
+    """Return meta, numbers, geometries (WKB, None where there is none) and values of all features of a layer."""
+    _, fids, _, _ = pyogrio.raw.read(
+        path, layer=layer, where=_COUNTED, columns=[], read_geometry=False, return_fids=True
+    )
+    # Told how many there are, GDAL goes on behind a geometry that it cannot read
+    found: tuple[Any, AnyArray, AnyArray, Any] = pyogrio.raw.read(
+        path, layer=layer, return_fids=True, skip_features=0, max_features=len(fids) or None
+    )
+    return found
 
 
 def _damaged(path: Path, layer: str, fids: AnyArray, shapes: AnyArray) -> list[str]:
