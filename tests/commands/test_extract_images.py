@@ -148,7 +148,7 @@ def test_points_are_worked_where_the_images_cannot_be(linework, las_file, output
     lines = ["time_s,easting_m,northing_m,height_m"]
     lines += [f"{3.0e8 + t},{500000 + 10 * t},5400000,100" for t in (-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0)]
     (folder / "trajectory.csv").write_text("\n".join(lines) + "\n")
-    found = linework("extract", folder, "-o", output, "--quiet")
+    found = linework("extract", folder, "-o", output, "--quiet", "--allow-outside")
     assert found.code == 4, found.stderr
     assert "1 recording left out: " in found.line
     assert "has no attitude" in found.line
@@ -187,7 +187,7 @@ def test_images_are_worked_where_the_points_cannot_be(extracted, las_file, tmp_p
     toml = TOML.replace('"EPSG:25832"', '"EPSG:25832+7837"') + f'[points]\nfiles = ["{las_file}"]\n'
     folder = make_stereo_folder(tmp_path / "both", toml=toml)
     las_file.write_bytes(las_file.read_bytes()[:200])
-    found, record = extracted(folder, code=4)
+    found, record = extracted(folder, "--allow-outside", code=4)
     assert "1 recording left out: " in found.line
     assert "a.laz" in found.line
     assert record["counts"]["stereo_pairs_used"] == 6

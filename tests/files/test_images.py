@@ -75,6 +75,23 @@ def test_damaged_exif_is_ignored(tmp_path: Path, exif: bytes) -> None:
     assert read_image(tmp_path / "a.jpg", CAMERA).shape == (HEIGHT, WIDTH)
 
 
+@pytest.mark.parametrize("year", ["1970", "2080", "0000", "9999"])
+@pytest.mark.parametrize("latitude", [(0, 0), (1, 0), (4_294_967_295, 1)], ids=["NaN", "infinite", "huge"])
+def test_places_and_dates_in_exif_are_not_read(tmp_path: Path, year: str, latitude: tuple[int, int]) -> None:
+    """Times and places come from the lists and the trajectory: what Exif says of them cannot mislead."""
+    # Big-endian: one directory with the date and a pointer to that of the place, which holds a latitude
+    date = f"{year}:01:01 00:00:00\0".encode()
+    head = struct.pack(">2sHI HHHII HHII I", b"MM", 42, 8, 2, 0x0132, 2, 20, 38, 0x8825, 4, 1, 58, 0)
+    place = struct.pack(">H HHII I 6I", 1, 2, 5, 3, 76, 0, *latitude, 0, 1, 0, 1)
+    exif = b"Exif\0\0" + head + date + place
+    read_back = Image.Exif()
+    read_back.load(exif)
+    assert read_back[0x0132].startswith(year) and len(read_back.get_ifd(0x8825)[2]) == 3
+    picture(1).save(tmp_path / "plain.png")
+    picture(1).save(tmp_path / "a.png", exif=exif)
+    assert np.array_equal(read_image(tmp_path / "a.png", CAMERA), read_image(tmp_path / "plain.png", CAMERA))
+
+
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.5, 0.9, 0.98])
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".bmp", ".pgm"])
 def test_an_image_cut_off_is_refused(tmp_path: Path, suffix: str, share: float) -> None:

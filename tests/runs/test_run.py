@@ -262,12 +262,11 @@ def test_the_store_is_made_once_and_anew_when_a_file_changes(las_file, method, e
     assert not np.array_equal(one.lines.xyz, three.lines.xyz)
 
 
-def test_a_trajectory_of_another_place_is_refused(las_file, tmp_path, method, extracted):
+def test_a_trajectory_of_another_place_is_refused(las_file, method, extracted):
     away = Trajectory(np.array([3.0e8, 3.0e8 + 4]), np.array([[0.0, 0, 0], [40.0, 0, 0]]))
-    path = tmp_path / "trajectory.csv"
-    write_trajectory(away, path)
+    write_trajectory(away, las_file.parent / "away.csv")
     (las_file.parent / "survey.toml").write_text(
-        f'[points]\nfiles = ["a.laz"]\n[trajectory]\nfile = "{path}"\n'
+        '[points]\nfiles = ["a.laz"]\n[trajectory]\nfile = "away.csv"\n'
     )
     with pytest.raises(InputError, match="km apart"):
         extracted(las_file.parent, method)

@@ -115,6 +115,18 @@ def test_what_cannot_be_served(served, tmp_path):
     assert refused(tmp_path / "nothing").returncode == 3
 
 
+def test_hostile_files_are_refused_before_anything_is_served(tmp_path):
+    """J16: there is no upload; what the command names is checked as by all other commands."""
+    for name, content in (("page.laz", b"<!doctype html><title>Not found</title>"), ("empty.las", b""),
+                          ("zip.laz", b"PK\x03\x04" + bytes(400)), ("cut.laz", b"LASF" + bytes(300))):  # fmt: skip
+        (tmp_path / name).write_bytes(content)
+        said = refused(tmp_path / name)
+        assert said.returncode == 3
+        assert said.stderr.count("\n") == 1 and name in said.stderr
+    (tmp_path / "survey.toml").write_text('[points]\nfiles = ["/etc/*"]\n')
+    assert "is outside the folder" in refused(tmp_path).stderr
+
+
 def test_lines_of_another_crs(tmp_path, made_lines):
     survey = tmp_path / "a.laz"
     write_las(road_points(), survey, crs="EPSG:25833+7837")

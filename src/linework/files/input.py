@@ -6,9 +6,12 @@ this process (pyogrio's and rasterio's); both read the variable, so import this 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import stat
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,6 +31,30 @@ def is_address(path: Path) -> bool:
     # A drive of Windows has one letter
     is_scheme = re.match(r"[A-Za-z][A-Za-z0-9+.-]+:(?:[/\\\\]|.*=)", text) is not None
     return is_scheme or text.lower().startswith(("/vsi", "\\\\", "//"))
+
+
+@contextlib.contextmanager
+def plainly_named(path: Path) -> Iterator[Path]:
+    """Yield a path that GDAL's readers take as it is: that of a link in a temporary folder, where a name is odd.
+
+    They take what follows a ``;``, ``?`` or ``!`` for a part of an address, drop line ends, and need UTF-8. The files
+    of the same name with other suffixes (.shx, .dbf) are linked too.
+    """
+    if _is_plain(str(path)):
+        yield path
+        return
+    # The name of a Shapefile is that of its layer
+    stem = "".join(c if _is_plain(c) else "_" for c in path.stem)
+    with tempfile.TemporaryDirectory(prefix="linework-") as folder:
+        for beside in sorted(path.absolute().parent.iterdir()):
+            if beside.stem == path.stem and beside.suffix.isprintable() and beside.is_file():
+                Path(folder, f"{stem}{beside.suffix}").symlink_to(beside)
+        yield Path(folder, f"{stem}{path.suffix}")
+
+
+def _is_plain(text: str) -> bool:
+    is_utf8 = text.encode(errors="replace").decode() == text
+    return is_utf8 and text.isprintable() and not set(";?!").intersection(text)
 
 
 def matching_paths(base: Path, pattern: str) -> list[Path]:

@@ -213,13 +213,15 @@ def test_our_own_fault_in_a_tile_is_named_and_the_rest_is_written(las_file, tmp_
     assert (tmp_path / "a.gpkg").exists()
 
 
-@pytest.mark.parametrize("name", [b"n\xff\xfe", b"new\nline", b"red\x1b[31m", b"-dash", "ü #;%?'\".laz".encode()])
+@pytest.mark.parametrize(
+    "name", [b"n\xff\xfe", b"new\nline", b"red\x1b[31m", b"-dash", "ü #;%?'\".laz".encode()]
+)
 def test_names_of_any_bytes(linework, las_file, tmp_path, name):
     """Files and folders of any name are read and written, and no record breaks on them."""
     folder = tmp_path / os.fsdecode(name)
     folder.mkdir()
     shutil.copy(las_file, folder / os.fsdecode(name + b".laz"))
-    output = folder / os.fsdecode(name + b".geojson")
+    output = folder / os.fsdecode(name + b".gpkg")
     found = linework("extract", folder, "-o", output, "--features", "cable", "--quiet")
     assert (found.code, output.is_file()) == (0, True), found.stderr
     json.loads((folder / "run.json").read_text(encoding="utf-8"))

@@ -166,14 +166,14 @@ def test_features_whose_geometry_cannot_be_read_are_counted(tmp_path):
     # The second record, 104 bytes behind the first, says that it is of no type
     data[100 + 104 + 8] = 0
     path.write_bytes(data)
-    with pytest.warns(LineworkWarning, match=r"feature 1 of layer a: no geometry can be read"):
+    with pytest.warns(LineworkWarning, match="left out feature 1 of layer a: no geometry can be read"):
         assert len(read_lines(path)) == 5
 
 
-def test_a_shapefile_that_is_cut_off_is_said(tmp_path):
+def test_of_a_shapefile_that_is_cut_off_the_rest_is_left_out_by_number(tmp_path):
     path = shapefile(tmp_path)
     path.write_bytes(path.read_bytes()[:300])
-    with pytest.warns(LineworkWarning, match=r"feature 1 of layer a: no geometry can be read and 4 other"):
+    with pytest.warns(LineworkWarning, match=r"left out feature 1 of layer a: .* and 4 other features"):
         assert len(read_lines(path)) == 1
 
 

@@ -193,7 +193,7 @@ def test_an_image_folder_that_the_survey_names_elsewhere(drive, tmp_path):
     (drive / "left").rename(tmp_path / "disk")
     listed = (drive / "left.csv").read_text().replace("left/", "../disk/")
     (drive / "left.csv").write_text(listed)
-    session = SurveySession(SurveyOrder((drive,)), lambda _value: None)
+    session = SurveySession(SurveyOrder((drive,), allow_outside=True), lambda _value: None)
     assert decoded(pairs.image_jpeg(session, 0, "left")).size
     # but what lies there may not lead on
     (tmp_path / "disk" / "000000.png").rename(tmp_path / "other.png")

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-import linework.files.input  # noqa: F401 (restricts GDAL)
 from linework.crs import LOCAL, parse_crs
 from linework.errors import MachineError, UsageError, extra_needed
+from linework.files.input import plainly_named
 from linework.files.output.publish import publish
 from linework.model.grid import Image
 
@@ -70,7 +70,7 @@ def write_geotiff(image: Image, path: Path, *, crs: str, overwrite: bool = False
             ) from error
 
     def verify(part: Path) -> None:
-        with rasterio.open(part, driver="GTiff") as dataset:
+        with plainly_named(part) as source, rasterio.open(source, driver="GTiff") as dataset:
             same = dataset.transform.almost_equals(profile["transform"], 1e-9 * max(abs(c), abs(f), 1.0))
             same &= bool(np.array_equal(dataset.read(1), values, equal_nan=values.dtype == np.float32))
             same &= (dataset.crs is None) == (wkt == LOCAL)

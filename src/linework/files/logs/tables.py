@@ -15,7 +15,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.logs.text import TextBlock, bad_lines_warning, text_blocks, text_lines
+from linework.files.logs.text import MAX_BAD, TextBlock, bad_lines_warning, text_blocks, text_lines
 
 #: A block with an irregular line is halved down to this size, then read line by line. [bytes]
 _SMALL_BYTES = 1 << 14
@@ -112,6 +112,8 @@ def _read_rows(
         else:
             rows = [(number, _values_of_line(line, layout)) for number, line in block.lines() if line.strip()]
             bad += [number for number, row in rows if row is None]
+            if len(bad) > MAX_BAD:
+                break
             good = [(number, row) for number, row in rows if row is not None]
             values.append(
                 np.array([row for _, row in good], dtype=np.float64).reshape(-1, len(layout.places))

@@ -22,6 +22,10 @@ _BLOCK_BYTES = 1 << 20
 _MAX_BAD_SHARE = 0.01
 #: Most rows held in memory as texts: a drive of 28 hours at 10 Hz.
 MAX_ROWS = 1_000_000
+#: Most lines of a file: a day of 24 hours at 100 Hz. Seven columns of them take 0.5 GB.
+MAX_LINES = 24 * 3600 * 100
+#: Most unusable lines that are counted before a file is given up: more than are tolerated in the longest one.
+MAX_BAD = 1 + MAX_LINES // 100
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -81,7 +85,8 @@ def text_blocks(path: Path) -> Iterator[TextBlock]:
     Raises
     ------
     InputError
-        Not a regular file, empty, or a line longer than 10,000 characters: with its number.
+        Not a regular file, empty, a line longer than 10,000 characters (with its number), or more lines than a day of
+        100 Hz has.
     """
     number, left = 1, b""
     with open_input(path) as file:
@@ -96,6 +101,9 @@ def text_blocks(path: Path) -> Iterator[TextBlock]:
             block = TextBlock(whole + end, number)
             _check_lengths(path, block, left)
             number += block.n_lines
+            if number - 1 > MAX_LINES + 1:
+                raise InputError(f"more than {MAX_LINES:,} lines (a day at 100 Hz)", where=path,
+                                 advice="split it, or write fewer lines a second")  # fmt: skip
             if whole or end:
                 yield block
     if left:

@@ -46,11 +46,11 @@ def read_foreign(
     CrsError
         In degrees, or layers in different CRSs.
     """
-    with reading_with_gdal(path):
-        layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
-        read = [(layer, *_read_layer(path, layer)) for layer in layers]
+    with reading_with_gdal(path) as source:
+        layers = [str(name) for name, kind in pyogrio.list_layers(source) if str(name) not in _OURS and kind]
+        read = [(layer, *_read_layer(source, layer, path)) for layer in layers]
         for layer, _, fids, shapes, _ in read:
-            left_out += _damaged(path, layer, fids, shapes)
+            left_out += _damaged(source, layer, fids, shapes)
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
@@ -71,21 +71,21 @@ def read_foreign(
     return LineSet.concatenate(sets)
 
 
-def _read_layer(path: Path, layer: str) -> Any:
-    """Return what pyogrio reads of a layer: facts, ids, geometries, fields.
+def _read_layer(source: Path, layer: str, path: Path) -> Any:
+    """Return what pyogrio reads of a layer of `source`, which is `path` to GDAL: facts, ids, geometries, fields.
 
     GDAL believes what a table of a GeoPackage (gpkg_ogr_contents) says of the number of features; a program that does not
     know the table leaves it as it was. With a condition GDAL counts; asked for by their ids, all features come.
     """
-    if path.suffix.lower() == ".gpkg":
+    if source.suffix.lower() == ".gpkg":
         _, there, _, _ = pyogrio.raw.read(
-            path, layer=layer, where="1 = 1", columns=[], read_geometry=False, return_fids=True
+            source, layer=layer, where="1 = 1", columns=[], read_geometry=False, return_fids=True
         )
-        if len(there) != pyogrio.read_info(path, layer=layer)["features"]:
-            return pyogrio.raw.read(path, layer=layer, fids=there, return_fids=True)
-    if path.suffix.lower() == ".shp":
-        _check_index(path, int(pyogrio.read_info(path, layer=layer)["features"]))
-    return pyogrio.raw.read(path, layer=layer, return_fids=True)
+        if len(there) != pyogrio.read_info(source, layer=layer)["features"]:
+            return pyogrio.raw.read(source, layer=layer, fids=there, return_fids=True)
+    if source.suffix.lower() == ".shp":
+        _check_index(path, int(pyogrio.read_info(source, layer=layer)["features"]))
+    return pyogrio.raw.read(source, layer=layer, return_fids=True)
 
 
 def _check_index(path: Path, n_features: int) -> None:

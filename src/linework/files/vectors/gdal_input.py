@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from linework.errors import InputError, LineworkError
-from linework.files.input import open_input
+from linework.files.input import open_input, plainly_named
 from linework.files.vectors.gpkg_guard import check_geopackage
 
 #: Drivers that read other files or the network on behalf of the file they open.
@@ -43,8 +43,8 @@ _FIRST_BYTES = {
 
 
 @contextlib.contextmanager
-def reading_with_gdal(path: Path) -> Iterator[None]:
-    """Let pyogrio read a file in the context, unless it would execute what is in it; errors become one line.
+def reading_with_gdal(path: Path) -> Iterator[Path]:
+    """Yield the path by which pyogrio reads a file, unless it would execute what is in it; errors become one line.
 
     Raises
     ------
@@ -58,7 +58,8 @@ def reading_with_gdal(path: Path) -> Iterator[None]:
     if is_database:
         check_geopackage(path)
     try:
-        yield
+        with plainly_named(path) as source:
+            yield source
     except LineworkError:
         raise
     # Texts that are not in their encoding, a .prj that pyogrio takes for neither kind of CRS

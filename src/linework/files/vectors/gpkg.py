@@ -195,8 +195,8 @@ def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
     InputError
         Not readable.
     """
-    with reading_with_gdal(path):
-        found = _own_lines(path)
+    with reading_with_gdal(path) as source:
+        found = _own_lines(source)
     if found is None or rejected or REJECTED_LAYER not in found.review:
         return found
     return found.take(found.review != REJECTED_LAYER)
@@ -210,8 +210,8 @@ def geometry_layers(path: Path) -> set[str]:
     InputError
         Not readable.
     """
-    with reading_with_gdal(path):
-        layers = pyogrio.list_layers(path)
+    with reading_with_gdal(path) as source:
+        layers = pyogrio.list_layers(source)
     return {str(name) for name, geometry in layers if geometry and name != REJECTED_LAYER}
 
 

@@ -107,10 +107,10 @@ def read_point_layers(path: Path) -> tuple[PointLayer, ...]:
 
 def _of_geopackage(path: Path) -> tuple[PointLayer, ...]:
     found = []
-    with reading_with_gdal(path):
-        for name, kind in pyogrio.list_layers(path):
+    with reading_with_gdal(path) as source:
+        for name, kind in pyogrio.list_layers(source):
             if name in POINT_LAYERS and str(kind) in ("Point", "Point Z"):
-                meta, _, shapes, values = pyogrio.raw.read(path, layer=str(name))
+                meta, _, shapes, values = pyogrio.raw.read(source, layer=str(name))
                 fields = dict(zip(map(str, meta["fields"]), values, strict=True))
                 found.append(PointLayer(str(name), _places(shapely.from_wkb(shapes)), fields))
     return tuple(found)
