@@ -26,15 +26,12 @@ def convert(
     The points of the vehicle's log (images and operator keys) are copied where the format holds points.
     """
     from linework.cli.failures import warn
-    from linework.errors import UsageError
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import check_format, points_left_out, read_lines, write_lines
 
     check_format(output)
-    if output.exists() and lines.exists() and output.samefile(lines):
-        raise UsageError("the output is the input file", where=output, advice="choose another name")
-    with reserve_output(output, overwrite=overwrite):
+    with reserve_output(output, overwrite=overwrite, inputs=[lines]):
         found = read_lines(lines, crs=crs or None)
         points = read_point_layers(lines)
         write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)

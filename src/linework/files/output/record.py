@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from linework.errors import MachineError
 from linework.files.input import regular_file_bytes
-from linework.files.output.publish import publish
+from linework.files.output.publish import write_bytes
 
 
 def write_json(document: Mapping[str, Any], path: Path, *, overwrite: bool = False) -> None:
@@ -21,18 +20,12 @@ def write_json(document: Mapping[str, Any], path: Path, *, overwrite: bool = Fal
     OutputExistsError, MachineError
         As for `publish`.
     """
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    write_bytes(json_bytes(document), path, overwrite=overwrite)
 
-    def write(part: Path) -> None:
-        part.write_text(text, encoding="utf-8", newline="\n")
 
-    def verify(part: Path) -> None:
-        if part.read_text(encoding="utf-8") != text:
-            raise MachineError(
-                "written file does not read back the same", where=path, advice="check the disk"
-            )
-
-    publish(path, write, verify, overwrite=overwrite)
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """Return a document as `write_json` writes it."""
+    return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def hash_file(path: Path) -> str:

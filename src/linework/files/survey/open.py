@@ -13,7 +13,9 @@ from linework.errors import CrsError, InputError, UsageError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
+from linework.files.output.inputs import note_inputs
 from linework.files.survey.kitti import read_kitti_folder
+from linework.files.survey.own_files import files_of_survey
 from linework.model.survey import Survey
 
 _SUFFIXES = (".las", ".laz")
@@ -56,6 +58,8 @@ def open_survey(
         No CRS, one in degrees, or several.
     ConfigError
         An unknown key or a wrong value in the survey.toml.
+    UsageError
+        A file of the survey is an output that is being written.
     """
     names = _further_names(carry)
     inputs = survey_paths(src)
@@ -79,7 +83,7 @@ def open_survey(
     trajectory = settings.get("trajectory", {})
     lever_x, lever_y, lever_z = (float(v) for v in trajectory.get("lever_m", (0.0, 0.0, 0.0)))
     roll, pitch, heading = (float(v) for v in trajectory.get("boresight_deg", (0.0, 0.0, 0.0)))
-    return Survey(
+    survey = Survey(
         name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
         root=root,
         point_files=files,
@@ -92,6 +96,8 @@ def open_survey(
         warnings=kitti.warnings if kitti else (),
         carry=names,
     )
+    note_inputs(files_of_survey(survey))
+    return survey
 
 
 #: Columns that points have in any case, under the names of LAS and of `linework.model.points.Points`.
