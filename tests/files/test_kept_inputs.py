@@ -12,7 +12,7 @@ import pytest
 from linework.errors import MachineError, OutputExistsError, UsageError
 from linework.files.output.inputs import InputFiles, note_inputs
 from linework.files.output.locks import reserve_folder, reserve_output
-from linework.files.output.publish import publish
+from linework.files.output.publish import part_path, publish
 from linework.files.survey.open import open_survey
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LineSet
@@ -234,6 +234,21 @@ def test_whatever_call_fails_a_file_never_stands_beside_the_side_of_an_older_one
         if left[0] > 0:
             break
     assert n_failed or call in ("rename", "unlink", "link", "open")
+
+
+def test_without_power_old_or_new_but_no_new_file_without_its_side(tmp_path, monkeypatch):
+    """What is renamed was synchronised before, and the folder between the renames and after them."""
+    publish_pair(tmp_path, "old", "old")
+    calls = []
+    sync, replace = os.fsync, Path.replace
+    monkeypatch.setattr(
+        os, "fsync", lambda fd: (calls.append(Path(f"/proc/self/fd/{fd}").readlink().name), sync(fd))[1]
+    )
+    monkeypatch.setattr(Path, "replace", lambda a, b: (calls.append(f"rename {b.name}"), replace(a, b))[1])
+    publish_pair(tmp_path, "new", "new")
+    main, side = part_path(tmp_path / "a.txt").name, part_path(tmp_path / "a.side").name
+    folder = tmp_path.name
+    assert calls == [main, side, "rename a.side", folder, "rename a.txt", folder]
 
 
 KILLED = """

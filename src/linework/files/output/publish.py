@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from linework.errors import LineworkError, MachineError, OutputExistsError, argument
+from linework.errors import FREE_SPACE, LineworkError, MachineError, OutputExistsError, argument, is_full_disk
 from linework.processes.system import is_alive
 
 #: Makes the content of a file beside an output from the verified part file of the output.
@@ -100,7 +100,7 @@ def publish(
         try:
             with machine_errors(path):
                 write(part)
-                verify(part)
+                _verified(part, path, verify)
                 sync(part)
                 for side, content in beside.items():
                     _write_part(content(part), side)
@@ -118,6 +118,19 @@ def publish(
         finally:
             for output in (path, *beside):
                 _remove_part(part_path(output))
+
+
+def _verified(part: Path, path: Path, verify: Callable[[Path], None]) -> None:
+    """Verify a part; whatever its reader says against what was just written is a fault of the disk."""
+    try:
+        verify(part)
+    except MachineError:
+        raise
+    except (LineworkError, ValueError, EOFError) as error:
+        raise MachineError(
+            f"the written file does not read back ({str(error)[:100]})", where=path,
+            advice="check the disk and its free space",
+        ) from error  # fmt: skip
 
 
 def _write_part(content: bytes | None, side: Path) -> None:
@@ -205,7 +218,7 @@ def publish_folder(
             with machine_errors(path):
                 part.mkdir()
                 write(part)
-                verify(part)
+                _verified(part, path, verify)
                 for file in sorted(p for p in part.rglob("*") if p.is_file()):
                     sync(file)
                 if path.is_dir() and any(path.iterdir()):
@@ -305,7 +318,7 @@ def machine_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
         advice = {
-            errno.ENOSPC: "free some space, or write to another disk",
+            errno.ENOSPC: FREE_SPACE,
             errno.EDQUOT: "your quota is used up: free some space, or write to another disk",
             errno.EACCES: "choose a folder you may write to",
             errno.EPERM: "choose a folder you may write to",
@@ -314,6 +327,11 @@ def machine_errors(path: Path) -> Iterator[None]:
         }.get(error.errno or 0, "choose another place, or check the disk")
         number = f" (errno {error.errno})" if error.errno else ""
         raise MachineError(f"cannot be written: {reason}{number}", where=path, advice=advice) from error
+    except Exception as error:
+        # Libraries that write by themselves have errors of their own
+        if not is_full_disk(error):
+            raise
+        raise MachineError(f"cannot be written: {error}", where=path, advice=FREE_SPACE) from error
 
 
 def sync(path: Path) -> None:
