@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import errno
 import importlib
 import importlib.util
 import json
@@ -255,6 +256,23 @@ class StaleError(LineworkError, RuntimeError):
     """The state that a change is based on has changed since: another change came first."""
 
     exit_code = 6
+
+
+#: What to do about a full disk.
+FREE_SPACE = "free some space, or write to another disk"
+#: How the system and the libraries say that a disk or a quota is full; not all of them leave an errno.
+_FULL = ("no space left", "disk is full", "quota exceeded", "disk full")
+
+
+def is_full_disk(error: BaseException) -> bool:
+    """Return whether an error, or what it came from, is that of a full disk or a quota that is used up.
+
+    >>> is_full_disk(OSError(28, "No space left on device")), is_full_disk(OSError(5, "Input/output error"))
+    (True, False)
+    """
+    texts = [str(error).lower(), str(error.__cause__ or "").lower()]
+    by_number = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return by_number or any(words in text for words in _FULL for text in texts)
 
 
 def needed(package: str, extra: str, *, where: object = None) -> Any:

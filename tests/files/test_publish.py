@@ -221,3 +221,26 @@ def test_names_that_are_not_text_are_escaped_in_records(tmp_path):
     name = os.fsdecode(b"n\xff.laz")
     write_json({"file": name}, tmp_path / "run.json")
     assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8")) == {"file": name}
+
+
+def test_a_part_left_under_our_own_number_is_no_obstacle(tmp_path):
+    """In a container every process may have the same number."""
+    part_path(tmp_path / "a.txt").write_text("half")
+    publish(tmp_path / "a.txt", writer("whole"), fine)
+    part_path(tmp_path / "out").mkdir()
+    (part_path(tmp_path / "out") / "half.txt").write_text("half")
+    publish_folder(tmp_path / "out", folder_writer, fine)
+    assert only(tmp_path) == ["a.txt", "out"]
+    assert only(tmp_path / "out") == ["a.txt", "deep"]
+
+
+def test_two_threads_do_not_write_one_part(tmp_path):
+    path = tmp_path / "a.txt"
+
+    def write(part):
+        part.write_text("ours")
+        with pytest.raises(OutputExistsError, match="by this program already"):
+            publish(path, writer("theirs"), fine)
+
+    publish(path, write, fine)
+    assert path.read_text() == "ours"

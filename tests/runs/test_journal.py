@@ -10,7 +10,6 @@ from linework.errors import InputError, MachineError, OutputExistsError, UsageEr
 from linework.files.output.journal import Journal, JournalEntry
 from linework.files.output.locks import hold_lock
 from linework.files.output.parts import read_part, write_part
-from linework.files.output.replace import set_record_aside
 from linework.model.lines import LineSet
 from linework.runs.opened import work_folder
 from linework.runs.opened.made import LIST, claim
@@ -264,18 +263,3 @@ def test_a_folder_that_cannot_be_written_is_replaced_by_the_cache(tmp_path, monk
     assert folder.parent == tmp_path / "cache" / "linework"
     with pytest.raises(MachineError, match="not a folder"):
         work_folder.work_folder(tmp_path, tmp_path / "survey" / ".linework")
-
-
-def test_a_record_taken_away_by_a_killed_run_comes_back(tmp_path):
-    record = tmp_path / "run.json"
-    aside = tmp_path / ".run.json.4194304.old"  # above the highest process number
-    aside.write_text("old")
-    with set_record_aside(record):
-        assert not record.exists()
-        record.write_text("new")
-    assert record.read_text() == "new"
-    assert [p.name for p in tmp_path.iterdir()] == ["run.json"]
-    aside.write_text("older")
-    with set_record_aside(tmp_path / "other.json"):
-        pass
-    assert aside.exists()

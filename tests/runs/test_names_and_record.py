@@ -1,12 +1,8 @@
 """Plan, names, order and record of a run."""
 
-import json
-
 import numpy as np
-import pytest
 
 from linework.files.output.record import write_json
-from linework.files.output.replace import set_record_aside
 from linework.lines.names import midpoints
 from linework.model.lines import LineSet
 from linework.runs.extraction import identify
@@ -88,15 +84,3 @@ def test_a_file_of_somebody_else_is_not_a_record(tmp_path):
     (tmp_path / "run.json").write_text('{"mine": 1}')
     assert record_path(tmp_path / "a.gpkg").name == "a.gpkg.run.json"
     assert record_path(tmp_path / "run.json").name == "run.json.run.json"
-
-
-def test_an_old_record_comes_back_only_if_the_new_output_fails(tmp_path):
-    record = tmp_path / "run.json"
-    write_json({"output": {"file": "a.gpkg"}}, record)
-    with pytest.raises(OSError, match="full"), set_record_aside(record):
-        assert not record.exists()
-        raise OSError("full")
-    assert json.loads(record.read_text())["output"]["file"] == "a.gpkg"
-    with set_record_aside(record):
-        pass
-    assert [p.name for p in tmp_path.iterdir()] == []

@@ -221,7 +221,7 @@ def test_lines_of_a_kind_not_looked_for_are_a_fault(las_file, tmp_path, method, 
     astray = dataclasses.replace(found, lines=found.lines.with_columns(kind=["fence"]))
     (tmp_path / "lines.gpkg").touch()
     with pytest.raises(RuntimeError, match=r"1 lines, but .*'guardrail': 0"):
-        outputs.record_of(astray, tmp_path / "lines.gpkg", {}, RunSteps())
+        outputs.record_of(astray, tmp_path / "lines.gpkg", {}, RunSteps(), written=tmp_path / "lines.gpkg")
 
 
 def test_the_same_input_gives_the_same_bytes(las_file, tmp_path, method, extracted):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import typer
 
 from linework.cli.options import option_words
-from linework.errors import InputError, LineworkError, MachineError, UsageError
+from linework.errors import FREE_SPACE, InputError, LineworkError, MachineError, UsageError, is_full_disk
 
 #: The base of typer's errors about arguments (click's ClickException, which typer may bring along itself).
 _ArgumentException: type[BaseException] = typer.BadParameter.__mro__[2]
@@ -35,6 +35,8 @@ _MACHINE_ADVICE = {
     errno.EAGAIN: "raise the limit on processes (ulimit -u)",
     errno.EBADF: "run it with open standard streams",
 }
+#: Where a disk is full, if an error of a library does not say it.
+_FULL_SOMEWHERE = "the work folder or a temporary file"
 #: Errors of a path: nothing there, or not what it should be.
 _PATH_ERRORS = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG)
 
@@ -97,6 +99,8 @@ def failure_of(error: BaseException) -> CommandFailure:
         return _from_own(MachineError(_reason(error), where=_path_of(error), advice=advice))
     if isinstance(error, OSError) and error.errno in _PATH_ERRORS:
         return _from_own(InputError(_reason(error), where=_path_of(error), advice="check the path"))
+    if is_full_disk(error):
+        return _from_own(MachineError(str(error).lower(), where=_FULL_SOMEWHERE, advice=FREE_SPACE))
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     bug = LineworkError(f"{what} (a bug in linework, not in your data)", where="linework")
     return CommandFailure(f"error: {bug}", 1, is_bug=True)

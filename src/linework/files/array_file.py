@@ -16,6 +16,7 @@ import os
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -175,8 +176,10 @@ def opened_arrays(path: Path | str) -> Iterator[ArrayFile]:
 
 
 def _append(file: BinaryIO, *arrays: AnyArray) -> None:
+    # To a file of the system numpy writes by itself, and does not tell a full disk from other failures
+    writer: Any = SimpleNamespace(write=file.write)
     for values in arrays:
-        np.lib.format.write_array(file, values, (1, 0), allow_pickle=False)
+        np.lib.format.write_array(writer, values, (1, 0), allow_pickle=False)
         file.write(bytes(-file.tell() % _ALIGNMENT))
 
 

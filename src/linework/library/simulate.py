@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from linework.errors import check_extra
-from linework.files.output.publish import check_output_folder
+from linework.files.output.locks import reserve_folder
 from linework.files.survey.open import open_survey
 from linework.library.progress import Progress, display_of
 from linework.model.survey import Survey
@@ -97,13 +97,13 @@ def simulate_to(
 ) -> tuple[SimulatedSurvey, int]:
     """Write a simulated survey as `simulate` does; return it and its number of stereo pairs."""
     check_extra("simulate")
-    check_output_folder(folder, overwrite=overwrite)
-    scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
-    cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None
-    with steps.step("simulate scans"):
-        survey = survey_of(scenario)
-    with steps.step(
-        "render images" if images else "write the survey", unit="pairs" if images else ""
-    ) as advance:
-        write_survey_folder(survey, folder, overwrite=overwrite, cameras=cameras, advance=advance)
+    with reserve_folder(folder, overwrite=overwrite):
+        scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
+        cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None
+        with steps.step("simulate scans"):
+            survey = survey_of(scenario)
+        with steps.step(
+            "render images" if images else "write the survey", unit="pairs" if images else ""
+        ) as advance:
+            write_survey_folder(survey, folder, overwrite=overwrite, cameras=cameras, advance=advance)
     return survey, len(cameras) if cameras else 0

@@ -1,4 +1,4 @@
-"""Publishing the result of a run: the lines, then their record beside them.
+"""Publishing the result of a run: the lines, and their record beside them.
 
 Separate from `extract`, which begins and resumes a run: this only writes its results.
 """
@@ -16,8 +16,7 @@ from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_revi
 from linework.errors import LineworkError, argument
 from linework.files.line_file.carried_history import has_reviews, with_history
 from linework.files.line_file.file import LineFile
-from linework.files.output.record import hash_file, write_json
-from linework.files.output.replace import set_record_aside
+from linework.files.output.record import hash_file, json_bytes
 from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
@@ -58,24 +57,34 @@ def publish_extraction(
     Every kind that was looked for has a layer, also without lines.
     """
     steps = steps or RunSteps()
-    path = record_path(output)
-    with steps.step("write lines"), set_record_aside(path):
+    record: dict[str, Any] = {}
+
+    def recorded(part: Path) -> bytes:
+        record.update(record_of(extraction, output, parameters, steps, written=part))
+        if reviews is not None:
+            record["counts"]["reviews"] = dict(reviews.counts)
+        if note is not None:
+            note(record["output"]["sha256"])
+        return json_bytes(record)
+
+    with steps.step("write lines"):
         write_lines(
             reviews.lines if reviews else extraction.lines, output,
-            kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite, note=note,
-            finish=reviews.finish if reviews else None,
+            kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite,
+            beside={record_path(output): recorded}, finish=reviews.finish if reviews else None,
         )  # fmt: skip
-    record = record_of(extraction, output, parameters, steps)
-    if reviews is not None:
-        record["counts"]["reviews"] = dict(reviews.counts)
-    write_json(record, path, overwrite=True)
     return record
 
 
 def record_of(
-    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: RunSteps
+    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: RunSteps, *, written: Path
 ) -> dict[str, Any]:
-    """Return the record of a run whose lines are in place.
+    """Return the record of a run.
+
+    Parameters
+    ----------
+    written
+        The finished file of lines, which will get the name `output`.
 
     Raises
     ------
@@ -96,7 +105,7 @@ def record_of(
             {"file": path_text(file), "bytes": file.stat().st_size, "sha256": digest}
             for file, digest in extraction.hashes.items()
         ],
-        "output": {"file": path_text(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
+        "output": {"file": path_text(output), "bytes": written.stat().st_size, "sha256": hash_file(written)},
         "counts": {
             **_point_counts(read),
             "tiles": len(extraction.tiles),
@@ -108,7 +117,7 @@ def record_of(
                 kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
             },
         },
-        "timings_s": {step: round(seconds, 4) for step, seconds in steps.timings_s.items()},
+        "timings_s": {step: round(seconds, 4) for step, seconds in steps.timings_so_far_s().items()},
         "tiles": [
             {
                 "id": report.name,

@@ -47,6 +47,7 @@ class RunSteps:
     def __init__(self, watcher: Watcher | None = None) -> None:
         self._watcher = watcher
         self.timings_s: dict[str, float] = {}
+        self._running: dict[str, float] = {}
 
     @contextlib.contextmanager
     def step(self, name: str, unit: str = "") -> Iterator[Advance]:
@@ -54,12 +55,22 @@ class RunSteps:
         watcher = self._watcher
         if watcher:
             watcher.begin(name, unit)
-        start = time.perf_counter()
-        yield watcher.advance if watcher else _not_shown
+        start = self._running[name] = time.perf_counter()
+        try:
+            yield watcher.advance if watcher else _not_shown
+        finally:
+            self._running.pop(name, None)
         seconds = time.perf_counter() - start
         self.timings_s[name] = self.timings_s.get(name, 0.0) + seconds
         if watcher:
             watcher.end(name, seconds)
+
+    def timings_so_far_s(self) -> dict[str, float]:
+        """Return the wall time of each step, with those that have not ended yet [s]."""
+        now, found = time.perf_counter(), dict(self.timings_s)
+        for name, start in self._running.items():
+            found[name] = found.get(name, 0.0) + now - start
+        return found
 
 
 def _not_shown(done: int, total: int) -> None:

@@ -27,7 +27,7 @@ def convert(
     The points of the vehicle's log (images and operator keys) are copied where the format holds points.
     """
     from linework.cli.failures import warn
-    from linework.errors import PartialError, UsageError
+    from linework.errors import PartialError
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
@@ -38,9 +38,7 @@ def convert(
     )
 
     check_format(output)
-    if output.exists() and lines.exists() and output.samefile(lines):
-        raise UsageError("the output is the input file", where=output, advice="choose another name")
-    with reserve_output(output, overwrite=overwrite):
+    with reserve_output(output, overwrite=overwrite, inputs=[lines]):
         found, left_out = read_usable_lines(lines, crs=crs)
         points = read_point_layers(lines)
         write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)

@@ -39,13 +39,12 @@ def demo(
     compares the two.
     """
     from linework.errors import check_extra
-    from linework.files.output.publish import check_output_folder
+    from linework.files.output.locks import reserve_folder
     from linework.library.progress import open_display
 
     for extra in ("simulate", "reports"):
         check_extra(extra, where="demo")
-    check_output_folder(folder, overwrite=overwrite)
-    with open_display(quiet=quiet) as display:
+    with reserve_folder(folder, overwrite=overwrite, reads_it=True), open_display(quiet=quiet) as display:
         from linework.methods.kinds import ALL_KINDS
         from linework.runs.compile import compile_stage
         from linework.runs.steps import RunSteps

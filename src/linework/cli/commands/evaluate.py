@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -66,27 +67,29 @@ def evaluate_command(
     """
     from linework.errors import PartialError, UsageError, check_extra
     from linework.evaluation.measures import match_lines, scores_of
-    from linework.files.output.publish import check_output
+    from linework.files.output.locks import reserve_output
 
     if picture is not None:
         if picture.suffix.lower() != ".png":
             raise UsageError(f"cannot write pictures as '{picture.suffix}'", where=picture, advice="use .png")
         check_extra("reports", where="--picture")
-        check_output(picture, overwrite=overwrite)
-    names = _parsed_map(kind_map)
     left_out: list[str] = []
-    found = _read(lines, "kind", {}, crs, left_out)
-    truth = _read(reference, kind_field, names, crs, left_out)
-    held = (_kinds_held(lines, found, {}), _kinds_held(reference, truth, names))
-    chosen = _requested_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
-    _report_not_scored(chosen, found, truth)
-    parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
-    scores = scores_of(parts, tolerance_m=tolerance_m)
-    if picture is not None:
-        from linework.evaluation.report.scores_figure import hits_figure, plot_png
-        from linework.files.output.publish import write_bytes
+    with contextlib.ExitStack() as stack:
+        if picture is not None:
+            stack.enter_context(reserve_output(picture, overwrite=overwrite, inputs=[lines, reference]))
+        names = _parsed_map(kind_map)
+        found = _read(lines, "kind", {}, crs, left_out)
+        truth = _read(reference, kind_field, names, crs, left_out)
+        held = (_kinds_held(lines, found, {}), _kinds_held(reference, truth, names))
+        chosen = _requested_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
+        _report_not_scored(chosen, found, truth)
+        parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
+        scores = scores_of(parts, tolerance_m=tolerance_m)
+        if picture is not None:
+            from linework.evaluation.report.scores_figure import hits_figure, plot_png
+            from linework.files.output.publish import write_bytes
 
-        write_bytes(plot_png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
+            write_bytes(plot_png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
     if as_json:
         say_json(scores.to_dict())
     else:

@@ -83,9 +83,11 @@ def extract_command(
     from linework.files.output.locks import reserve_output
     from linework.library.progress import open_display
 
-    _check_report(report, output, overwrite=overwrite or resume)
+    _check_report(report, output)
     with contextlib.ExitStack() as held:
-        held.enter_context(reserve_output(output, overwrite=overwrite or resume))
+        inputs = (trajectory, config)
+        for path in (output, report) if report else (output,):
+            held.enter_context(reserve_output(path, overwrite=overwrite or resume, inputs=inputs))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format
@@ -149,10 +151,9 @@ def extract_command(
     _report_missing(record, output)
 
 
-def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
+def _check_report(report: Path | None, output: Path) -> None:
     """Raise, before any work, where the report could not be written at the end."""
     from linework.errors import UsageError, check_extra
-    from linework.files.output.publish import check_output
 
     if report is None:
         return
@@ -161,7 +162,6 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
     if report.absolute() == output.absolute():
         raise UsageError("the report would replace the lines", where=report, advice="choose another name")
     check_extra("reports", where="--report")
-    check_output(report, overwrite=overwrite)
 
 
 def _print_result(record: dict[str, Any], *, as_json: bool) -> None:

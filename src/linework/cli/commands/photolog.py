@@ -40,7 +40,8 @@ def photolog(
     from linework.evaluation.report.photolog import photolog_html
     from linework.files.images.series import open_stereo
     from linework.files.logs.photolog import van_log
-    from linework.files.output.publish import check_output, write_page
+    from linework.files.output.locks import reserve_output
+    from linework.files.output.publish import write_page
     from linework.files.survey.open import open_survey
     from linework.files.trajectories.of_survey import read_van_path
     from linework.library.progress import open_display
@@ -50,15 +51,17 @@ def photolog(
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
-    check_output(output, overwrite=overwrite)
-    survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
-    if trajectory is not None:
-        survey = survey.with_trajectory(trajectory)
-    series = open_stereo(survey)
-    if series is None and not survey.settings.get("events"):
-        raise InputError("the survey has neither images nor operator keys", where=survey.name,
-                         advice="see linework info")  # fmt: skip
-    with open_display(quiet=quiet) as display:
+    with (
+        reserve_output(output, overwrite=overwrite, inputs=[trajectory]),
+        open_display(quiet=quiet) as display,
+    ):
+        survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
+        if trajectory is not None:
+            survey = survey.with_trajectory(trajectory)
+        series = open_stereo(survey)
+        if series is None and not survey.settings.get("events"):
+            raise InputError("the survey has neither images nor operator keys", where=survey.name,
+                             advice="see linework info")  # fmt: skip
         steps = RunSteps(display)
         survey, notes = located_survey(survey, work_folder(survey.root, work), steps)
         path = read_van_path(survey, series)

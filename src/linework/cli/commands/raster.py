@@ -78,7 +78,7 @@ def raster(
     from linework.errors import PartialError, check_extra
 
     check_extra("reports", where="raster")
-    from linework.files.output.publish import check_output_folder
+    from linework.files.output.locks import reserve_folder
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
     from linework.methods.radon.figures import FigureConfig
@@ -87,8 +87,10 @@ def raster(
     cells = _cells(cell_m, cell_along_m, cell_across_m)
     config = FigureConfig(low_m=min_height_m, high_m=max_height_m)
     _check_band(config)
-    check_output_folder(output, overwrite=overwrite)
-    with open_display(quiet=quiet) as display:
+    with (
+        reserve_folder(output, overwrite=overwrite, inputs=[trajectory]),
+        open_display(quiet=quiet) as display,
+    ):
         steps = RunSteps(display)
         survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if trajectory is not None:

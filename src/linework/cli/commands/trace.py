@@ -97,7 +97,7 @@ def trace_command(
 
     place, target = _position("--at", at), _position("--toward", toward) if toward else None
     with contextlib.ExitStack() as held:
-        held.enter_context(reserve_output(output, overwrite=overwrite or append))
+        held.enter_context(reserve_output(output, overwrite=overwrite or append, inputs=[config]))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
@@ -154,7 +154,7 @@ def _trace_image(
     from linework.library.progress import open_display
 
     with contextlib.ExitStack() as held:
-        held.enter_context(reserve_output(output, overwrite=overwrite or append))
+        held.enter_context(reserve_output(output, overwrite=overwrite or append, inputs=[image]))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines

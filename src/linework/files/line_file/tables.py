@@ -12,7 +12,14 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray
-from linework.errors import InputError, LineworkError, MachineError, OutputExistsError
+from linework.errors import (
+    FREE_SPACE,
+    InputError,
+    LineworkError,
+    MachineError,
+    OutputExistsError,
+    is_full_disk,
+)
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     FIELDS,
@@ -74,9 +81,8 @@ def sql_errors(path: Path) -> Iterator[None]:
             raise OutputExistsError(
                 "another program is writing it", where=path, advice="finish editing there, then try again"
             ) from error
-        raise MachineError(
-            f"cannot be written: {text}", where=path, advice="check the disk, and that you may write there"
-        ) from error
+        advice = FREE_SPACE if is_full_disk(error) else "check the disk, and that you may write there"
+        raise MachineError(f"cannot be written: {text}", where=path, advice=advice) from error
     except sqlite3.DatabaseError as error:
         raise InputError(f"damaged ({error})", where=path, advice="restore a copy") from error
 

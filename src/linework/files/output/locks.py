@@ -9,11 +9,17 @@ from __future__ import annotations
 import contextlib
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from linework.errors import OutputExistsError
-from linework.files.output.publish import check_output, machine_errors
+from linework.files.output.inputs import check_not_read, reserved
+from linework.files.output.publish import (
+    check_output,
+    check_output_folder,
+    machine_errors,
+    named_folder,
+)
 from linework.processes.forced_end import removed_if_forced
 
 try:
@@ -107,13 +113,22 @@ def _hold_in_sqlite(lock: Path, refusal: OutputExistsError | None, *, shared: bo
 
 
 @contextlib.contextmanager
-def reserve_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
+def reserve_output(
+    path: Path, *, overwrite: bool = False, inputs: Iterable[Path | None] = ()
+) -> Iterator[None]:
     """Reserve the output `path` during the context: checked first, then locked.
 
     Folders created for it are removed again if they stay empty.
 
+    Parameters
+    ----------
+    inputs
+        Files named by the user that the command reads; those of surveys follow when they are opened.
+
     Raises
     ------
+    UsageError
+        It is one of the files that the command reads; those are refused when they are opened, too.
     OutputExistsError
         It exists and `overwrite` is not set, or another run holds it.
     MachineError
@@ -124,21 +139,68 @@ def reserve_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
     The lock is an advisory one on a hidden file beside the output. The system frees it when the process ends,
     however it ends; the next run reuses the file that a killed one leaves.
     """
+    check_not_read(path, inputs=inputs)
+    with _removing_empty_parents(path):
+        check_output(path, overwrite=overwrite)
+        with hold_lock(lock_path(path), _busy(path)), reserved(path):
+            # Another run may have finished it between the check and the lock
+            check_output(path, overwrite=overwrite)
+            yield
+
+
+@contextlib.contextmanager
+def reserve_folder(
+    path: Path, *, overwrite: bool = False, inputs: Iterable[Path | None] = (), reads_it: bool = False
+) -> Iterator[None]:
+    """Reserve the output folder `path` during the context, as `reserve_output` does a file.
+
+    Parameters
+    ----------
+    inputs
+        Files named by the user that the command reads.
+    reads_it
+        The command reads again what it has written there.
+
+    Raises
+    ------
+    UsageError
+        It is, or holds, a survey that the command reads, or is a folder of its files.
+    OutputExistsError
+        It is a file, or holds files while `overwrite` is not set, or another run holds it.
+    MachineError
+        It could not be written.
+    """
+    path = named_folder(path)
+    check_not_read(path, inputs=inputs, is_folder=True)
+    with _removing_empty_parents(path), contextlib.ExitStack() as held:
+        check_output_folder(path, overwrite=overwrite)
+        held.enter_context(hold_lock(lock_path(path), _busy(path)))
+        # Another run may have filled it between the check and the lock
+        check_output_folder(path, overwrite=overwrite)
+        if not reads_it:
+            held.enter_context(reserved(path, is_folder=True))
+        yield
+
+
+@contextlib.contextmanager
+def _removing_empty_parents(path: Path) -> Iterator[None]:
+    """Remove folders that were created for an output if they stay empty."""
     missing = [folder for folder in (path.parent, *path.parent.parents) if not folder.exists()]
     try:
-        check_output(path, overwrite=overwrite)
-        busy = OutputExistsError(
-            "another run is writing it", where=path, advice="wait for it, or choose another name"
-        )
         with contextlib.ExitStack() as created:
             for folder in reversed(missing):
                 created.enter_context(removed_if_forced(folder, only_empty=True))
-            with hold_lock(lock_path(path), busy):
-                yield
+            yield
     finally:
         with contextlib.suppress(OSError):
             for folder in missing:
                 folder.rmdir()
+
+
+def _busy(path: Path) -> OutputExistsError:
+    return OutputExistsError(
+        "another run is writing it", where=path, advice="wait for it, or choose another name"
+    )
 
 
 def lock_path(path: Path) -> Path:

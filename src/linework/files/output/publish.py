@@ -7,14 +7,28 @@ import errno
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from linework.errors import LineworkError, MachineError, OutputExistsError, UsageError, argument
+from linework.errors import (
+    FREE_SPACE,
+    LineworkError,
+    MachineError,
+    OutputExistsError,
+    UsageError,
+    argument,
+    is_full_disk,
+)
 from linework.files.input import is_address
 from linework.processes.forced_end import removed_if_forced
 from linework.processes.system import is_alive
 
+#: Makes the content of a file beside an output from the verified part file of the output.
+FileBeside = Callable[[Path], bytes | None]
+#: Parts that threads of this process write now.
+_WRITING: set[Path] = set()
+_TURN = threading.Lock()
 #: Longest file name most file systems hold, in bytes.
 _NAME_MAX = 255
 
@@ -44,6 +58,7 @@ def check_output(path: Path, *, overwrite: bool = False) -> None:
                 advice=f"choose another name or give {argument('overwrite', True)}",
             )
         _make_parent(path)
+        _clear_own_part(path)
         part.open("xb").close()
         part.unlink()
 
@@ -54,6 +69,7 @@ def publish(
     verify: Callable[[Path], None],
     *,
     overwrite: bool = False,
+    beside: Mapping[Path, FileBeside] | None = None,
 ) -> None:
     """Write the file `path` whole or not at all.
 
@@ -65,6 +81,9 @@ def publish(
         Re-opens the part file with an independent reader and raises if anything is wrong.
     overwrite
         Replace an existing file; it stays until the new one is verified.
+    beside
+        Files that belong to it, in the same folder, and what makes their content from the verified part file; None:
+        there must be none. They are replaced whether `overwrite` is set or not.
 
     Raises
     ------
@@ -75,28 +94,110 @@ def publish(
 
     Notes
     -----
-    Order: part file, verify, fsync(file), rename, fsync(folder). Whatever interrupts it, the part is
-    removed; parts left by processes that were killed are removed by the next run that publishes the same
-    name on the same machine.
+    Order: part files, verify, fsync(files), rename those beside, fsync(folder), rename the file, fsync(folder). The
+    file never stands beside what belonged to an older one. If it cannot be renamed, those beside become what they
+    were. Whatever interrupts it, the parts are removed; parts left by processes that were killed are removed by the
+    next run that publishes the same name on the same machine.
     """
+    beside = beside or {}
     check_output(path, overwrite=overwrite)
-    _remove_dead_parts(path)
+    for output in (path, *beside):
+        _remove_dead_parts(output)
+    for side in beside:
+        _remove_dead_parts(_kept_name(side))
     part = part_path(path)
+    with _writing(path), removed_if_forced(part):
+        try:
+            with machine_errors(path):
+                write(part)
+                _verified(part, path, verify)
+                sync(part)
+                for side, content in beside.items():
+                    _write_part(content(part), side)
+                if os.path.lexists(path) and not overwrite:
+                    raise OutputExistsError(
+                        "output appeared while it was being written",
+                        where=path,
+                        advice=f"give {argument('overwrite', True)}",
+                    )
+                with _replacing(beside, part):
+                    if beside:
+                        sync(path.parent)
+                    part.replace(path)
+                sync(path.parent)
+        finally:
+            for output in (path, *beside):
+                _remove_part(part_path(output))
+
+
+def _verified(part: Path, path: Path, verify: Callable[[Path], None]) -> None:
+    """Verify a part; whatever its reader says against what was just written is a fault of the disk."""
     try:
-        with removed_if_forced(part), machine_errors(path):
-            write(part)
-            verify(part)
-            sync(part)
-            if os.path.lexists(path) and not overwrite:
-                raise OutputExistsError(
-                    "output appeared while it was being written",
-                    where=path,
-                    advice=f"give {argument('overwrite', True)}",
-                )
-            part.replace(path)
-            sync(path.parent)
+        verify(part)
+    except MachineError:
+        raise
+    except (LineworkError, ValueError, EOFError) as error:
+        raise MachineError(
+            f"the written file does not read back ({str(error)[:100]})", where=path,
+            advice="check the disk and its free space",
+        ) from error  # fmt: skip
+
+
+def _write_part(content: bytes | None, side: Path) -> None:
+    """Write and verify the part of a file beside an output; None: it will be removed, and there is no part."""
+    if content is None:
+        return
+    part = part_path(side)
+    with machine_errors(side):
+        part.write_bytes(content)
+        if part.read_bytes() != content:
+            raise OSError("the file reads back differently")
+        sync(part)
+
+
+@contextlib.contextmanager
+def _replacing(sides: Iterable[Path], main: Path) -> Iterator[None]:
+    """Put the parts of files in their places, where they stay if the part `main` gets its name in the context."""
+    kept: dict[Path, Path] = {}
+    placed: list[Path] = []
+    try:
+        for side in sides:
+            if os.path.lexists(side):
+                kept[side] = part_path(_kept_name(side))
+                _link_or_copy(side, kept[side])
+        for side in sides:
+            placed.append(side)
+            if part_path(side).exists():
+                part_path(side).replace(side)
+            else:
+                side.unlink(missing_ok=True)
+        yield
+    except BaseException:
+        # An interrupt may come just after the rename
+        for side in placed if main.exists() else ():
+            with contextlib.suppress(OSError):
+                if side in kept:
+                    kept[side].replace(side)
+                else:
+                    side.unlink(missing_ok=True)
+        raise
     finally:
-        _remove_part(part)
+        for old in kept.values():
+            _remove_part(old)
+
+
+def _kept_name(side: Path) -> Path:
+    """Return the name under which an old file is kept until the new output is in place."""
+    return side.with_name(f"{side.stem}.old{side.suffix}")
+
+
+def _link_or_copy(path: Path, kept: Path) -> None:
+    kept.unlink(missing_ok=True)
+    try:
+        os.link(path, kept, follow_symlinks=False)
+    except (OSError, NotImplementedError):
+        # Not every file system has hard links
+        shutil.copy2(path, kept, follow_symlinks=False)
 
 
 def publish_folder(
@@ -118,23 +219,25 @@ def publish_folder(
     MachineError
         As for `publish`.
     """
+    path = named_folder(path)
     check_output_folder(path, overwrite=overwrite)
     _remove_dead_parts(path)
     part = part_path(path)
-    try:
-        with removed_if_forced(part), machine_errors(path):
-            part.mkdir()
-            write(part)
-            verify(part)
-            for file in sorted(p for p in part.rglob("*") if p.is_file()):
-                sync(file)
-            if path.is_dir() and any(path.iterdir()):
-                _merge_folder(part, path)
-            else:
-                part.replace(path)
-            sync(path.parent)
-    finally:
-        _remove_part(part)
+    with _writing(path), removed_if_forced(part):
+        try:
+            with machine_errors(path):
+                part.mkdir()
+                write(part)
+                _verified(part, path, verify)
+                for file in sorted(p for p in part.rglob("*") if p.is_file()):
+                    sync(file)
+                if path.is_dir() and any(path.iterdir()):
+                    _merge_folder(part, path)
+                else:
+                    part.replace(path)
+                sync(path.parent)
+        finally:
+            _remove_part(part)
 
 
 def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
@@ -148,10 +251,44 @@ def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
             advice=f"choose another folder or give {argument('overwrite', True)}",
         )
     _make_parent(path)
+    _clear_own_part(path)
     part = part_path(path)
     with machine_errors(path):
         part.mkdir()
         part.rmdir()
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Let no other thread write the part of this output during the context: it would have the same name."""
+    with _TURN:
+        _check_not_writing(path)
+        _WRITING.add(part_path(path).absolute())
+    try:
+        yield
+    finally:
+        _WRITING.remove(part_path(path).absolute())
+
+
+def _check_not_writing(path: Path) -> None:
+    if part_path(path).absolute() in _WRITING:
+        raise OutputExistsError(
+            "is being written by this program already",
+            where=path,
+            advice="wait for it, or choose another name",
+        )
+
+
+def _clear_own_part(path: Path) -> None:
+    """Remove a part that has this process's number, left by an earlier one: in a container they all have the same."""
+    with _TURN:
+        _check_not_writing(path)
+        _remove_part(part_path(path))
+
+
+def named_folder(path: Path) -> Path:
+    """Return a folder by its name: "." and "../.." have none that a part file could be named by."""
+    return path.resolve() if path.name in ("", "..") else path
 
 
 def part_path(path: Path) -> Path:
@@ -193,7 +330,7 @@ def machine_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
         advice = {
-            errno.ENOSPC: "free some space, or write to another disk",
+            errno.ENOSPC: FREE_SPACE,
             errno.EDQUOT: "your quota is used up: free some space, or write to another disk",
             errno.EACCES: "choose a folder you may write to",
             errno.EPERM: "choose a folder you may write to",
@@ -202,6 +339,11 @@ def machine_errors(path: Path) -> Iterator[None]:
         }.get(error.errno or 0, "choose another place, or check the disk")
         number = f" (errno {error.errno})" if error.errno else ""
         raise MachineError(f"cannot be written: {reason}{number}", where=path, advice=advice) from error
+    except Exception as error:
+        # Libraries that write by themselves have errors of their own
+        if not is_full_disk(error):
+            raise
+        raise MachineError(f"cannot be written: {error}", where=path, advice=FREE_SPACE) from error
 
 
 def sync(path: Path) -> None:

@@ -20,9 +20,14 @@ def write_json(document: Mapping[str, Any], path: Path, *, overwrite: bool = Fal
     OutputExistsError, MachineError
         As for `publish`.
     """
+    write_bytes(json_bytes(document), path, overwrite=overwrite)
+
+
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """Return a document as `write_json` writes it."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Names that are not UTF-8 come as lone surrogates, which JSON writes as \\udcff
-    write_bytes(text.encode("utf-8", errors="backslashreplace"), path, overwrite=overwrite)
+    return text.encode("utf-8", errors="backslashreplace")
 
 
 def hash_file(path: Path) -> str:

@@ -6,7 +6,6 @@ What a user asked for goes through `linework.files.output.publish`, which also v
 from __future__ import annotations
 
 import contextlib
-import glob
 import os
 import shutil
 from collections.abc import Iterator
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.files.output.publish import machine_errors, part_path, sync
-from linework.processes.system import is_alive
 
 
 @contextlib.contextmanager
@@ -89,35 +87,3 @@ def make_durable(path: Path) -> None:
     """
     with machine_errors(path):
         sync(path)
-
-
-@contextlib.contextmanager
-def set_record_aside(path: Path) -> Iterator[None]:
-    """Take an old record away while its output is replaced; it comes back if that fails.
-
-    The order is: old record away, new output in place, new record in place. Whenever the run is killed,
-    no output stands beside the record of another.
-    """
-    _put_back(path)
-    aside = path.with_name(f".{path.name}.{os.getpid()}.old")
-    had_one = path.exists()
-    if had_one:
-        path.replace(aside)
-    try:
-        yield
-    except BaseException:
-        if had_one:
-            aside.replace(path)
-        raise
-    aside.unlink(missing_ok=True)
-
-
-def _put_back(path: Path) -> None:
-    """Put back the old record that a killed run took away, or remove it where there is a newer one."""
-    for aside in sorted(path.parent.glob(f".{glob.escape(path.name)}.*.old")):
-        number = aside.name.removesuffix(".old").rpartition(".")[2]
-        if number.isdigit() and not is_alive(int(number)):
-            if path.exists():
-                aside.unlink()
-            else:
-                aside.replace(path)

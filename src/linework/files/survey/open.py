@@ -13,8 +13,10 @@ from linework.errors import CrsError, InputError, UsageError, argument
 from linework.files.input import is_address, matching_paths, regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
+from linework.files.output.inputs import note_inputs
 from linework.files.outside import check_files_inside, check_names_inside
 from linework.files.survey.kitti import read_kitti_folder
+from linework.files.survey.own_files import files_of_survey
 from linework.model.survey import Survey
 
 _SUFFIXES = (".las", ".laz")
@@ -63,6 +65,8 @@ def open_survey(
         No CRS, one in degrees, or several.
     ConfigError
         An unknown key, a wrong value, or a file outside the folder in the survey.toml.
+    UsageError
+        A file of the survey is an output that is being written.
     """
     names = _further_names(carry)
     inputs = survey_paths(src)
@@ -90,7 +94,7 @@ def open_survey(
     trajectory = settings.get("trajectory", {})
     lever_x, lever_y, lever_z = (float(v) for v in trajectory.get("lever_m", (0.0, 0.0, 0.0)))
     roll, pitch, heading = (float(v) for v in trajectory.get("boresight_deg", (0.0, 0.0, 0.0)))
-    return Survey(
+    survey = Survey(
         name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
         root=root,
         point_files=files,
@@ -104,6 +108,8 @@ def open_survey(
         carry=names,
         allow_outside=allow_outside or kitti is not None,
     )
+    note_inputs(files_of_survey(survey))
+    return survey
 
 
 #: Columns that points have in any case, under the names of LAS and of `linework.model.points.Points`.

@@ -20,7 +20,6 @@ from linework.arrays import FloatArray
 from linework.crs import LOCAL, stated_crs
 from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import filled_file_bytes
-from linework.files.output.publish import publish
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
 from linework.model.lines import LineSet
@@ -55,6 +54,9 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
             polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": str(layers[i])})
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
             polyline.set_xdata(_APP, _extended_data(fields))
+        # ezdxf goes through a set of these, whose order differs between processes
+        for used in sorted(document.entitydb.dxf_types_in_use()):
+            document.classes.add_class(used)
         document.saveas(part)
     finally:
         options.write_fixed_meta_data_for_testing = before
@@ -90,31 +92,15 @@ def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
         )
 
 
-def write_prj(crs: str, path: Path, *, overwrite: bool) -> None:
-    """Publish the CRS beside a DXF file, where GIS programs look for it: WKT in a .prj of the same name.
-
-    Raises
-    ------
-    OutputExistsError, MachineError
-        As for `publish`.
-    """
+def prj_of(crs: str) -> bytes | None:
+    """Return what belongs in the .prj beside a DXF file, where GIS programs look for the CRS: WKT, or None for "local"."""
+    if crs == LOCAL:
+        return None
     loaded = pyproj.CRS.from_wkt(crs)
     try:
-        text = loaded.to_wkt("WKT1_ESRI")
+        return loaded.to_wkt("WKT1_ESRI").encode()
     except ProjError:
-        text = crs
-
-    def verify(part: Path) -> None:
-        if part.read_text(encoding="utf-8") != text:
-            raise MachineError(
-                "written file does not read back the same", where=path, advice="check the disk"
-            )
-
-    publish(path, lambda part: _write_text(part, text), verify, overwrite=overwrite)
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
+        return crs.encode()
 
 
 def read_dxf(

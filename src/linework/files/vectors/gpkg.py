@@ -13,7 +13,7 @@ import shapely
 
 from linework.arrays import AnyArray, IntArray
 from linework.crs import LOCAL, parse_crs, same_crs
-from linework.errors import LineworkError, MachineError
+from linework.errors import FREE_SPACE, LineworkError, MachineError, is_full_disk
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,
@@ -175,7 +175,7 @@ def roll_back(path: Path) -> None:
     except sqlite3.OperationalError as error:
         raise MachineError(
             f"an interrupted change cannot be rolled back ({error})", where=path,
-            advice="check that you may write there",
+            advice=FREE_SPACE if is_full_disk(error) else "check that you may write there",
         ) from error  # fmt: skip
     except sqlite3.DatabaseError:
         # Reported by the reader that follows

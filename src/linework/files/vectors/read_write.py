@@ -12,8 +12,8 @@ import numpy as np
 
 from linework.crs import LOCAL, describe_crs, parse_crs, same_plan
 from linework.errors import CrsError, LineworkWarning, UsageError, argument, check_extra, printable
-from linework.files.output.publish import check_output, publish
-from linework.files.output.record import hash_file
+from linework.files.output.inputs import check_not_read
+from linework.files.output.publish import FileBeside, check_output, publish
 from linework.files.vectors.fields import check_writable
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.left_out import left_out_text
@@ -62,7 +62,7 @@ def write_lines(
     kinds: Sequence[str] = (),
     points: VanLog | Sequence[PointLayer] | None = None,
     overwrite: bool = False,
-    note: Callable[[str], None] | None = None,
+    beside: Mapping[Path, FileBeside] | None = None,
     finish: Callable[[bytes], bytes] | None = None,
 ) -> None:
     """Write lines in the format of the suffix.
@@ -76,15 +76,16 @@ def write_lines(
         Kinds that get a layer even without lines (formats with layers).
     points
         Photos and events, as layers of points; left out by formats that cannot hold them (see `points_left_out`).
-    note
-        Called with the SHA-256 of the verified file before it is renamed into place.
+    beside
+        Files that belong to it, as for `publish`.
     finish
         Adds tables to the bytes of a GeoPackage before they are written; ignored for other formats.
 
     Raises
     ------
     UsageError
-        Unknown suffix, a coordinate that is not finite, a line of fewer than two vertices.
+        Unknown suffix, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
+        was opened would be replaced.
     OutputExistsError, MachineError
         As for `publish`.
 
@@ -106,26 +107,29 @@ def write_lines(
     check_writable(lines, path)
     write, verify = _writer(path)
     extra = {"points": point_layers(points)} if path.suffix.lower() in _WITH_POINTS else {}
-    check_output(path, overwrite=overwrite)
-    if path.suffix.lower() == ".dxf" and lines.crs != LOCAL:
-        from linework.files.vectors.dxf import write_prj
+    beside = dict(beside or {})
+    prj = path.with_suffix(".prj")
+    if path.suffix.lower() == ".dxf":
+        from linework.files.vectors.dxf import prj_of
 
-        write_prj(lines.crs, path.with_suffix(".prj"), overwrite=overwrite)
-
+        beside[prj] = lambda _: prj_of(lines.crs)
+    for output in (path, *beside):
+        check_not_read(output)
+    for output in (path, prj) if prj in beside else (path,):
+        check_output(output, overwrite=overwrite)
     if path.suffix.lower() == ".gpkg" and path.is_file():
         from linework.files.vectors.gpkg import roll_back
 
         # A journal left beside the old file would be applied to the new one
         roll_back(path)
 
-    def verify_and_note(part: Path) -> None:
-        verify(part, lines, path, **extra)
-        if note is not None:
-            note(hash_file(part))
-
     added = {"finish": finish} if finish is not None and path.suffix.lower() == ".gpkg" else {}
     publish(
-        path, lambda part: write(lines, part, kinds, **extra, **added), verify_and_note, overwrite=overwrite
+        path,
+        lambda part: write(lines, part, kinds, **extra, **added),
+        lambda part: verify(part, lines, path, **extra),
+        overwrite=overwrite,
+        beside=beside,
     )
 
 
