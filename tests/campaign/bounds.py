@@ -53,7 +53,7 @@ class Worst:
 
     def promised(self, n_points: int) -> tuple[float, float]:
         """Return the memory and the disk that it may take at most. [MB]"""
-        if self.refused:
+        if self.refused and not n_points:
             return PROGRAM_MB + DECODER_MB, REFUSED_DISK_MB
         memory = PROGRAM_MB + DECODER_MB + POINT_BYTES * n_points / 1e6
         # A block of the surface is a file of cells, however few of them are used; outputs are some kilobytes
