@@ -26,6 +26,8 @@ PROGRAM_MB = 450.0
 DECODER_MB, POINT_BYTES = 250.0, 150.0
 #: docs/large-surveys.md: the store, and the surface, for each point.
 STORE_BYTES, SURFACE_BYTES = 18.0, 5.0
+#: docs/limits.md: a file of lines is held in memory, and a GeoPackage has a row for each vertex. [times its size]
+LINES_MEMORY, LINES_DISK = 15.0, 3.0
 #: A refusal reads a header: no more memory than importing takes, and nothing is left on the disk.
 REFUSED_DISK_MB = 1.0
 #: A command on any of these files. [s]
@@ -51,8 +53,10 @@ class Worst:
     words: tuple[str, ...]
     refused: bool = False
 
-    def promised(self, n_points: int) -> tuple[float, float]:
+    def promised(self, n_points: int, file_mb: float) -> tuple[float, float]:
         """Return the memory and the disk that it may take at most. [MB]"""
+        if self.words[0] in ("convert", "evaluate"):
+            return PROGRAM_MB + LINES_MEMORY * file_mb, LINES_DISK * file_mb
         if not n_points:
             return PROGRAM_MB + DECODER_MB, REFUSED_DISK_MB
         memory = PROGRAM_MB + DECODER_MB + POINT_BYTES * n_points / 1e6
@@ -212,7 +216,7 @@ def measured(worst: Worst, folder: Path, drive: Path) -> Trial:
     disk = max(disk, disk_mb(folder / "out"))
     # Where a header is refused, no point is read
     n_read = 0 if code != 0 and "header" in worst.name else n_points
-    memory_promised, disk_promised = worst.promised(n_read)
+    memory_promised, disk_promised = worst.promised(n_read, path.stat().st_size / 1e6)
     trial = Trial(
         figures={
             "MB": round(peak), "MB promised": round(memory_promised), "disk MB": round(disk, 1),
