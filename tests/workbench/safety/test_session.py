@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import stat
 import subprocess
 import sys
@@ -333,7 +334,8 @@ def test_other_users_do_not_see_the_token(las_file, tmp_path):
     finally:
         process.terminate()
         process.communicate(timeout=30)
-    assert process.returncode == 143
+    # On a loaded machine it may be ended by force, and leaves no link behind all the same
+    assert process.returncode in (143, -signal.SIGTERM)
     assert not Path(uri.removeprefix("file://")).exists()
 
 

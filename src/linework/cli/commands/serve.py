@@ -26,6 +26,7 @@ from linework.cli.options import (
     read_settings,
 )
 from linework.cli.said import say, say_json
+from linework.processes.forced_end import removed_if_forced
 
 if TYPE_CHECKING:
     from linework.workbench.server.app_state import AppState
@@ -160,7 +161,7 @@ def opened_browser(url: str) -> Iterator[None]:
     if not has_screen():
         yield
         return
-    with tempfile.TemporaryDirectory(prefix="linework-") as folder:
+    with tempfile.TemporaryDirectory(prefix="linework-") as folder, removed_if_forced(Path(folder)):
         page = Path(folder) / "open.html"
         page.touch(mode=0o600)
         page.write_text(_PAGE.format(html.escape(url)), encoding="utf-8")
