@@ -26,9 +26,11 @@ _BEGIN, _END = "\ue000", "\ue001"
 _ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
 #: Longest message beside the name of the file, four lines of a terminal; its advice is never cut. [characters]
 MOST_CHARACTERS = 280
+#: A document may name a file as long as itself; Linux takes no path longer than this. [characters]
+_MOST_OF_A_PATH = 4096
 #: The password in an address or in the description of a connection: paths drop one of the slashes.
 _PASSWORD = re.compile(
-    r"(?i)((?:\b[a-z][a-z0-9+.-]*:/{1,2}[^/@\s:]*:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
+    r"(?i)((?:\b[a-z][a-z0-9+.-]{0,20}:/{1,2}[^/@\s:]{0,100}:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
 )
 
 
@@ -148,7 +150,8 @@ class LineworkError(Exception):
         'option crs: not a CRS.'
         """
         # In front of a colon a parameter stands alone: `crs: `, not `crs=: `
-        text = f"{in_words(str(self.where), speech).removesuffix('=')}: " if self.where is not None else ""
+        where = _shortened(in_words(str(self.where), speech).removesuffix("="), _MOST_OF_A_PATH)
+        text = f"{where}: " if self.where is not None else ""
         problem = _shortened(in_words(self.problem, speech), MOST_CHARACTERS - len(self.advice))
         text += problem if problem.endswith("?") else f"{problem}."
         if self.advice.startswith("pip "):

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str]) -> int:
     options = parsed(arguments)
     for problem in problems_of(read_faults(), [step.name for step in STEPS]):
         print(f"faults.toml: {problem}", file=sys.stderr)
-    state = options.state
+    state = options.state.resolve()
     if options.anew:
         (state / "ledger.jsonl").unlink(missing_ok=True)
         (state / "shares.json").unlink(missing_ok=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from linework.cli.failures import Interrupted, failure_of, save_log, warn
-from linework.errors import CrsError, OutputExistsError, PartialError, UsageError
+from linework.errors import CrsError, InputError, OutputExistsError, PartialError, UsageError
 from linework.library.progress import open_display
 
 
@@ -93,3 +93,12 @@ def test_a_terminal_gets_bars_with_rate_and_others_plain_lines(monkeypatch):
         display.begin("read", "points")
         display.end("read", 0.5)
     assert silent.getvalue() == ""
+
+
+def test_long_names_and_texts_are_cut_and_the_advice_is_kept():
+    """In time that grows with their length: a name of 200,000 characters took minutes."""
+    for text in ("a." * 100_000, "\0" * 100_000, "x" * 100_000, "pg:/" * 50_000):
+        line = InputError(f"unknown {text}", where="a.toml", advice="correct it").line()
+        assert len(line) < 1400
+        assert line.endswith(" ... Correct it.") or line.endswith(" .... Correct it.")
+        assert len(InputError("missing", where=text, advice="correct it").line()) < 6000

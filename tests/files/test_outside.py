@@ -161,3 +161,11 @@ def test_images_that_are_links_out_or_listed_there_are_refused(tmp_path):
         open_stereo(open_survey(folder))
     assert len(open_stereo(open_survey(folder, allow_outside=True)).pairs) > 1
     assert np.isfinite(open_stereo(open_survey(folder, allow_outside=True)).pairs[0].time_s)
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_name_as_long_as_a_book_is_refused_unprinted(drive, key):
+    with_toml(drive, KEYS[key].format("a." * 50_000))
+    with pytest.raises(ConfigError, match=f"{key} names a file with 100,000 characters, at most 4,096") as caught:
+        open_survey(drive)
+    assert len(str(caught.value)) < 600

@@ -18,6 +18,8 @@ _NAMING = {
     "events": ("file",),
 }
 _NAMING_OF_CAMERA = ("images", "times")
+#: No system opens a file by a longer name; messages would hold all of it. [characters]
+_LONGEST_PATH = 4096
 _WILDCARDS = frozenset("*?[")
 
 
@@ -34,10 +36,15 @@ def check_names_inside(settings: Mapping[str, Any], where: Path) -> None:
     Raises
     ------
     ConfigError
-        An absolute path, ``..``, or a link that ends outside.
+        An absolute path, ``..``, a link that ends outside, or a name that is too long for any file.
     """
     real = os.path.realpath(where.parent)
     for key, name in _named(settings):
+        if len(name) > _LONGEST_PATH:
+            raise ConfigError(
+                f"{key} names a file with {len(name):,} characters, at most {_LONGEST_PATH:,}", where=where,
+                advice="correct the name",
+            )  # fmt: skip
         parts = Path(name).parts
         n_plain = next((i for i, part in enumerate(parts) if _WILDCARDS & set(part)), len(parts))
         # A link may have such a name too

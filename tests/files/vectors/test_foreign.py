@@ -213,3 +213,24 @@ def test_features_are_counted_whatever_a_table_says(tmp_path, count):
         db.execute("UPDATE gpkg_ogr_contents SET feature_count = ?", (count,))
         db.commit()
     assert len(read_lines(tmp_path / "a.gpkg")) == 2
+
+
+def test_a_shapefile_whose_index_says_another_number_is_refused(tmp_path):
+    path = shapefile(tmp_path)
+    index = bytearray(path.with_suffix(".shx").read_bytes())
+    # Length of the file in words of two bytes: of three records instead of six
+    index[24:28] = (50 + 3 * 4).to_bytes(4, "big")
+    path.with_suffix(".shx").write_bytes(index)
+    with pytest.raises(InputError, match=r"its index has 6 records and says 3 "):
+        read_lines(path)
+
+
+def test_a_geopackage_whose_schema_is_not_text_is_one_line(tmp_path):
+    foreign_gpkg(tmp_path / "a.gpkg", "EPSG:25832")
+    data = (tmp_path / "a.gpkg").read_bytes()
+    assert b"CREATE TABLE gpkg_contents" in data
+    (tmp_path / "a.gpkg").write_bytes(
+        data.replace(b"CREATE TABLE gpkg_contents", b"CREATE TABLE gpkg_c\xe8\xffte\xffts")
+    )
+    with pytest.raises(InputError, match=r"a\.gpkg: cannot be read \(.*Copy the file again"):
+        read_lines(tmp_path / "a.gpkg")

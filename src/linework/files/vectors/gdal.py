@@ -27,9 +27,8 @@ from linework.model.lineset.geometries import geometries
 
 #: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)
-#: With a condition, GDAL counts the features. Without one it believes a table of a GeoPackage (gpkg_ogr_contents), which
-#: a program that does not know it leaves as it was: of 6 features 3 were read where it said 3.
-_COUNTED = "1 = 1"
+#: The index of a Shapefile: a header, and a place and a length for each record. [bytes]
+_INDEX_HEADER_BYTES, _INDEX_RECORD_BYTES = 100, 8
 
 
 def read_foreign(
@@ -49,7 +48,7 @@ def read_foreign(
     """
     with reading_with_gdal(path) as source:
         layers = [str(name) for name, kind in pyogrio.list_layers(source) if str(name) not in _OURS and kind]
-        read = [(layer, *_all_features(source, layer)) for layer in layers]
+        read = [(layer, *_read_layer(source, layer, path)) for layer in layers]
         for layer, _, fids, shapes, _ in read:
             left_out += _damaged(source, layer, fids, shapes)
     if not read:
@@ -72,16 +71,34 @@ def read_foreign(
     return LineSet.concatenate(sets)
 
 
-def _all_features(path: Path, layer: str) -> tuple[Any, AnyArray, AnyArray, Any]:
-    """Return meta, numbers, geometries (WKB, None where there is none) and values of all features of a layer."""
-    _, fids, _, _ = pyogrio.raw.read(
-        path, layer=layer, where=_COUNTED, columns=[], read_geometry=False, return_fids=True
-    )
-    # Told how many there are, GDAL goes on behind a geometry that it cannot read
-    found: tuple[Any, AnyArray, AnyArray, Any] = pyogrio.raw.read(
-        path, layer=layer, return_fids=True, skip_features=0, max_features=len(fids) or None
-    )
-    return found
+def _read_layer(source: Path, layer: str, path: Path) -> Any:
+    """Return what pyogrio reads of a layer of `source`, which is `path` to GDAL: facts, ids, geometries, fields.
+
+    GDAL believes what a table of a GeoPackage (gpkg_ogr_contents) says of the number of features; a program that does not
+    know the table leaves it as it was. With a condition GDAL counts; asked for by their ids, all features come.
+    """
+    if source.suffix.lower() == ".gpkg":
+        _, there, _, _ = pyogrio.raw.read(
+            source, layer=layer, where="1 = 1", columns=[], read_geometry=False, return_fids=True
+        )
+        if len(there) != pyogrio.read_info(source, layer=layer)["features"]:
+            return pyogrio.raw.read(source, layer=layer, fids=there, return_fids=True)
+    if source.suffix.lower() == ".shp":
+        _check_index(path, int(pyogrio.read_info(source, layer=layer)["features"]))
+    return pyogrio.raw.read(source, layer=layer, return_fids=True)
+
+
+def _check_index(path: Path, n_features: int) -> None:
+    """Refuse a Shapefile whose index says another number of records than it has room for: GDAL believes what it says."""
+    index = next((p for p in (path.with_suffix(".shx"), path.with_suffix(".SHX")) if p.is_file()), None)
+    if index is None:
+        return
+    n_records = (index.stat().st_size - _INDEX_HEADER_BYTES) // _INDEX_RECORD_BYTES
+    if n_records != n_features:
+        raise InputError(
+            f"its index has {n_records:,} records and says {n_features:,} (cut off or damaged)", where=path,
+            advice="copy all files of the Shapefile again",
+        )  # fmt: skip
 
 
 def _damaged(path: Path, layer: str, fids: AnyArray, shapes: AnyArray) -> list[str]:

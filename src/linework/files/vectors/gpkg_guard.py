@@ -169,7 +169,10 @@ def check_schema(db: sqlite3.Connection, path: Path, *, to_edit: bool = False) -
         Not a database, or damaged.
     """
     with _bounded(db, path):
-        rows = db.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+        try:
+            rows = db.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+        except UnicodeDecodeError as error:
+            raise sqlite3.DatabaseError("its schema is not text") from error
     entries = [_tokens(str(sql)) for (sql,) in rows]
     indices = {_name(entry[3]) for entry in entries if _opens(entry, "CREATE VIRTUAL TABLE")}
     for entry in entries:
