@@ -129,7 +129,7 @@ def _decode_all(
 
 
 def _after_the_week(decoded: Mapping[int, Decoded]) -> list[int]:
-    """Return the files with seconds of the week that begin anew, in surveys that a GPS week ends within."""
+    """Return the files that begin after the end of a GPS week, in surveys with files before it."""
     of_week = {number: result for number, result in decoded.items() if result.gps_time_kind == "week"}
     times = TimeCounts()
     for result in of_week.values():

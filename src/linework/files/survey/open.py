@@ -247,7 +247,7 @@ def _given_crs(option: str | None, setting: str | None, where: Path | None) -> t
         raise CrsError(f"two different CRSs: crs = {setting}, {argument('crs')} says {option}", where=where,
                        advice=f"leave {argument('crs')} out, or correct the survey.toml")  # fmt: skip
     return (
-        (setting, f"crs in {where}")
+        (setting, f"crs in {where.name}")
         if option is None and by_setting
         else (option or setting, argument("crs"))
     )
