@@ -132,6 +132,7 @@ def test_a_current_folder_that_is_gone(tmp_path):
         [*words, "convert", *whole], capture_output=True, text=True, check=False, timeout=300
     )
     assert said.returncode in (0, 5), said.stderr
+    gone.mkdir(exist_ok=True)
     said = subprocess.run(
         [*words, "convert", "lines.gpkg", "out.geojson"],
         capture_output=True,
