@@ -24,6 +24,9 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
+# Before any kernel is imported
+importlib.import_module("linework.kernels.cache")
+
 #: The public names, and the module of each.
 _PUBLIC = {
     "extract": "linework.library.extract",

@@ -166,6 +166,8 @@ def test_images_that_are_links_out_or_listed_there_are_refused(tmp_path):
 @pytest.mark.parametrize("key", KEYS)
 def test_a_name_as_long_as_a_book_is_refused_unprinted(drive, key):
     with_toml(drive, KEYS[key].format("a." * 50_000))
-    with pytest.raises(ConfigError, match=f"{key} names a file with 100,000 characters, at most 4,096") as caught:
+    with pytest.raises(
+        ConfigError, match=f"{key} names a file with 100,000 characters, at most 4,096"
+    ) as caught:
         open_survey(drive)
     assert len(str(caught.value)) < 600

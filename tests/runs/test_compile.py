@@ -246,16 +246,20 @@ def test_compiled_for_one_command_where_nothing_can_be_kept(las_file, tmp_path):
     """Neither beside the package nor in the user's cache can files be made: numba looks for that just as we do."""
     (tmp_path / "sitecustomize.py").write_text(
         f"""
-import tempfile
+import os, tempfile
 from pathlib import Path
-open_file = tempfile.TemporaryFile
+open_file, access = tempfile.TemporaryFile, os.access
 
 def refuse(*args, dir=None, **options):
     if dir is not None and any(Path(dir).is_relative_to(place) for place in ({str(ROOT)!r}, "/nowhere")):
         raise PermissionError(13, "Permission denied", str(dir))
     return open_file(*args, dir=dir, **options)
 
-tempfile.TemporaryFile = refuse
+def readable(path, mode, **options):
+    is_kept = any(Path(path).is_relative_to(place) for place in ({str(ROOT)!r}, "/nowhere", "/"))
+    return access(path, mode, **options) and not (mode == os.W_OK and is_kept)
+
+tempfile.TemporaryFile, os.access = refuse, readable
 """,
         encoding="utf-8",
     )

@@ -194,7 +194,7 @@ def test_folders_of_others_are_not_cleaned_whatever_they_are_called(tmp_path):
         (tmp_path / name / "x").mkdir(parents=True)
         (tmp_path / name / "x" / "0.points").write_text("mine")
     (tmp_path / "build.lock").touch()
-    with pytest.raises(InputError, match="made-by-linework"):
+    with pytest.raises(InputError, match="linework-made"):
         work_folder.clean_work_folder(tmp_path)
     # Used as a work folder, it holds things of both
     folder = work_folder.work_folder(tmp_path / "survey", tmp_path)

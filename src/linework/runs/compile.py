@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from linework.errors import LineworkWarning, MachineError
 from linework.files.compiled import is_compiled, note_compiled, remove_stale
-from linework.kernels import TEMPORARY_CACHE
+from linework.kernels.cache import TEMPORARY_CACHE
 from linework.kernels.compiling import CalledKernel, cache_folder, called_kernels, compile_kernel
 from linework.model.survey import Survey
 from linework.processes.executors import Executor, Serial

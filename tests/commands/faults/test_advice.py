@@ -136,8 +136,8 @@ def test_what_contradicts_the_laser_file_is_named(linework, tmp_path, kinds):
     assert found.code == 3
     assert found.line.startswith(f"error: {folder / 'a.laz'}: two different CRSs: the file says ")
     assert found.line.endswith(
-        f"crs in {folder / 'survey.toml'} says ETRS89 / UTM zone 33N (EPSG:25833). Correct crs in"
-        f" {folder / 'survey.toml'}, or correct the file's header."
+        "crs in survey.toml says ETRS89 / UTM zone 33N (EPSG:25833). Correct crs in survey.toml, or correct the file's"
+        " header."
     )
     alone = linework(command[0], folder / "a.laz", *command[1:], "--crs", "EPSG:25833")
     assert alone.line.endswith(" Leave --crs out, or correct the file's header.")
@@ -146,7 +146,7 @@ def test_what_contradicts_the_laser_file_is_named(linework, tmp_path, kinds):
 def test_heights_of_another_datum_are_named_by_what_gave_them(linework, tmp_path):
     found = linework("info", survey(tmp_path / "drive", "EPSG:25832+5783"))
     assert found.code == 3
-    assert f"crs in {tmp_path / 'drive' / 'survey.toml'} says" in found.line
+    assert "crs in survey.toml says" in found.line
 
 
 COMMANDS = [

@@ -59,7 +59,7 @@ RIGHT = {
     "extra.laz": UNSAID,
     "extrabytes.las": UNSAID,
     "fullwave.laz": Right("EPSG:32723"),
-    "las-rs/32-1-472-150-76.laz": Right("EPSG:25832+5941"),
+    "las-rs/32-1-472-150-76.laz": Right("EPSG:25832+5941", said=("30 of 5,658 points (0.53 %) left out",)),
     "las-rs/autzen.copc.laz": Right("EPSG:2991+5703", factors=(FOOT, US_FOOT)),
     "las-rs/autzen.las": OREGON_FEET,
     "las-rs/autzen.laz": OREGON_FEET,

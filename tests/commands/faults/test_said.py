@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 from tests.conftest import CRS, road_points
 
 from linework.crs import parse_crs
@@ -13,27 +12,6 @@ from linework.model.lines import LineSet
 
 #: Clears the screen, sets the title, and goes back over what was printed; with a control character of 8 bits.
 ESCAPES = "a\x1b[2J\x1b]0;owned\x07\r\x9b31mb"
-
-
-@pytest.mark.parametrize("value", ["", " "])
-@pytest.mark.parametrize("command", ["info", "extract"])
-def test_an_empty_text_is_not_a_crs(linework, las_file, tmp_path, command, value):
-    arguments = ["-o", tmp_path / "a.gpkg"] if command == "extract" else []
-    found = linework(command, las_file, *arguments, "--crs", value)
-    assert found.code == 2
-    assert found.line.startswith("error: --crs: an empty text is not a CRS")
-
-
-def test_which_of_file_survey_and_option_is_named(linework, las_file):
-    survey = las_file.parent / "survey.toml"
-    survey.write_text('crs = "EPSG:25833"\n[points]\nfiles = ["a.laz"]\n')
-    found = linework("info", las_file.parent)
-    assert found.code == 3
-    assert f"{survey} says" in found.line
-    assert "--crs" not in found.line
-    found = linework("info", las_file, "--crs", "EPSG:25833")
-    assert found.code == 3
-    assert "--crs says" in found.line
 
 
 def test_the_advice_of_a_file_in_degrees_does_not_lead_back_to_it(linework, tmp_path):

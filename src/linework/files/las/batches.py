@@ -51,8 +51,8 @@ class LasBatch:
         (n,) float64 [s] as stored, or None where the point format has no time.
     columns
         (k, n) float32: the further columns that were asked for; NaN where the file has none of that name.
-    is_noise, is_absurd, is_untimed
-        (n,) bool: noise class or withheld; coordinates outside any projected CRS; a time outside all known epochs.
+    is_noise, is_withheld, is_absurd, is_untimed
+        (n,) bool: of a noise class; withheld; coordinates outside any projected CRS; a time outside all known epochs.
         None: no such point.
     """
 
@@ -61,6 +61,7 @@ class LasBatch:
     time_s: FloatArray | None
     columns: Float32Array
     is_noise: BoolArray | None
+    is_withheld: BoolArray | None
     is_absurd: BoolArray | None
     is_untimed: BoolArray | None
 
@@ -204,19 +205,21 @@ def _converted(
             found.values(records[f"further {i}"], columns.further[i, :n])
     return LasBatch(
         xyz, intensity, time, columns.further[:, :n],
-        _noise(records, header.point_format), _absurd(xyz, header, factors), is_untimed,
+        *_noise_and_withheld(records, header.point_format), _absurd(xyz, header, factors), is_untimed,
     )  # fmt: skip
 
 
-def _noise(records: AnyArray, point_format: int) -> BoolArray | None:
-    """Return (n,) bool: noise class or withheld; None where there is none."""
+def _noise_and_withheld(records: AnyArray, point_format: int) -> tuple[BoolArray | None, BoolArray | None]:
+    """Return (n,) bool: points of a noise class, and points that are withheld; None where there is none."""
     classes = records["class"]
-    bad: BoolArray
+    noise: BoolArray
+    withheld: BoolArray
     if point_format >= 6:
-        bad = (classes == _NOISE) | (classes == _HIGH_NOISE) | (records["flags"] & 4 != 0)
+        noise = (classes == _NOISE) | (classes == _HIGH_NOISE)
+        withheld = records["flags"] & 4 != 0
     else:  # class in the low 5 bits, withheld in the top one
-        bad = (classes & 31 == _NOISE) | (classes & 128 != 0)
-    return bad if bad.any() else None
+        noise, withheld = classes & 31 == _NOISE, classes & 128 != 0
+    return noise if noise.any() else None, withheld if withheld.any() else None
 
 
 def _absurd(xyz: FloatArray, header: LasHeader, factors: tuple[float, float]) -> BoolArray | None:

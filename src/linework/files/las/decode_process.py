@@ -78,11 +78,13 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
         The disk is full or has failed.
     """
     header = read_las_header(task.path)
-    written = _write(task, header, LasTally(), report)
+    written = _write(
+        task, header, LasTally(keeps_noise=task.keeps_noise, continues_week=task.continues_week), report
+    )
     verdict = written.tally.verdict(header)
     if written.tally.must_go_without_time:
         task.target.unlink()
-        written = _write(task, header, LasTally(uses_time=False), report)
+        written = _write(task, header, LasTally(uses_time=False, keeps_noise=task.keeps_noise), report)
     return _decoded(written, verdict)
 
 

@@ -50,6 +50,10 @@ class DecodeTask:
         Points decoded at a time.
     is_sequential
         Decode on one thread, chunk after chunk.
+    keeps_noise
+        Use points of noise classes.
+    continues_week
+        Continue seconds of the week that begin anew at 0 past the end of the week before.
     """
 
     path: Path
@@ -60,6 +64,8 @@ class DecodeTask:
     repeat_bits: int = 0
     batch_points: int = BATCH_POINTS
     is_sequential: bool = False
+    keeps_noise: bool = False
+    continues_week: bool = False
 
     def to_message(self) -> bytes:
         """Return it as a message."""

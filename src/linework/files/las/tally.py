@@ -14,6 +14,7 @@ from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntAr
 from linework.errors import InputError
 from linework.files.las.batches import LasBatch
 from linework.files.las.header import LasHeader
+from linework.files.logs.clock import WEEK_S
 
 #: Largest number of buckets: they start at 1 s and double in width when more would be needed. An hour keeps its
 #: seconds, a week of driving is resolved to a few minutes.
@@ -87,6 +88,20 @@ class TimeCounts:
         share[(begin >= start_s) & (end <= end_s)] = 1.0
         return float(np.sum(share * self.counts) / max(int(self.counts.sum()), 1))
 
+    def ends_a_week(self) -> bool:
+        """Return whether all times are within a day of the end of a GPS week, on both sides of it.
+
+        >>> counts = TimeCounts()
+        >>> counts.add(np.array([3.0, 604798.0]))
+        >>> counts.ends_a_week()
+        True
+        """
+        if not (0.0 <= self.low_s < DAY_S and WEEK_S - DAY_S < self.high_s <= WEEK_S):
+            return False
+        begins = (self.first + np.arange(len(self.counts))) * 2.0**self.level
+        between = (begins >= DAY_S) & (begins + 2.0**self.level <= WEEK_S - DAY_S)
+        return not self.counts[between].any()
+
     def to_document(self) -> dict[str, Any]:
         """Return it as JSON."""
         if self.low_s > self.high_s:
@@ -115,12 +130,13 @@ def _n_buckets(low: float, high: float, level: int) -> int:
 
 TimeKind = Literal["week", "adjusted", "gps", "none"]
 
-_WEEK_S = 604_800.0
+DAY_S = 86_400.0
 #: As adjusted standard time this is the year 2043, as GPS seconds 2011: larger numbers are the latter.
 _LEAST_GPS_S = 1e9
 #: Above this share of impossible times, all of them are in another unit; below it, those points are damaged.
 _ODD_SHARE = 0.5
-_IMPOSSIBLE_TIME = "impossible time"
+#: Reasons for which points are left out.
+NOISE_CLASS, WITHHELD, _IMPOSSIBLE_TIME = "noise class", "withheld", "impossible time"
 
 
 def time_kind_of(low_s: float, high_s: float) -> TimeKind:
@@ -129,7 +145,7 @@ def time_kind_of(low_s: float, high_s: float) -> TimeKind:
     >>> time_kind_of(0.0, 3600.0), time_kind_of(3e8, 3e8 + 60.0), time_kind_of(1.3e9, 1.3e9 + 60.0)
     ('week', 'adjusted', 'gps')
     """
-    if low_s >= 0.0 and high_s <= _WEEK_S:
+    if low_s >= 0.0 and high_s <= WEEK_S:
         return "week"
     return "gps" if low_s > _LEAST_GPS_S else "adjusted"
 
@@ -150,6 +166,10 @@ class LasTally:
     ----------
     uses_time
         Whether points with an impossible time are left out.
+    keeps_noise
+        Whether points of noise classes are used.
+    continues_week
+        Whether seconds of the week that begin anew at 0 are continued past the end of the week before.
     n_read, n_kept
         Points so far, and how many of them are used.
     n_rejected
@@ -169,6 +189,8 @@ class LasTally:
     """
 
     uses_time: bool = True
+    keeps_noise: bool = False
+    continues_week: bool = False
     n_read: int = 0
     n_kept: int = 0
     n_rejected: Counter[str] = field(default_factory=Counter)
@@ -196,6 +218,8 @@ class LasTally:
         self.has_intensity = self.has_intensity or bool(batch.intensity.any())
         xyz, intensity, time = batch.xyz, batch.intensity, batch.time_s if self.uses_time else None
         columns = batch.columns
+        if time is not None and self.continues_week:
+            time = np.where(time < 0.5 * WEEK_S, time + WEEK_S, time)
         if time is not None:
             self._add_all_times(time, batch.is_untimed)
         kept = self._kept(batch)
@@ -215,7 +239,8 @@ class LasTally:
         """Return which points are used (None: all), and count the others by the first reason that applies."""
         kept: BoolArray | None = None
         for reason, mask in (
-            ("noise class", batch.is_noise),
+            (NOISE_CLASS, None if self.keeps_noise else batch.is_noise),
+            (WITHHELD, batch.is_withheld),
             ("absurd coordinates", batch.is_absurd),
             (_IMPOSSIBLE_TIME, batch.is_untimed if self.uses_time else None),
         ):
@@ -280,7 +305,11 @@ class LasTally:
                 else "GPS times are not numbers"
             )
             return "none", f"{what}: left out"
+        if self.continues_week:
+            return "week", "the GPS week ends within the survey: its seconds are continued"
         kind = time_kind_of(low, high)
+        if not has_adjusted_bit and 0.0 <= low <= WEEK_S < high <= WEEK_S + DAY_S:
+            return "week", ""
         if kind == "gps" or (kind == "adjusted") != has_adjusted_bit:
             stated = "adjusted standard time" if has_adjusted_bit else "seconds of the week"
             text = (

@@ -15,7 +15,7 @@ from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.decoder_messages import Decoded, DecodeTask
 from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.repeats import repeated_elsewhere, repeats_message, sample_bits
-from linework.files.las.tally import TimeCounts, TimeKind
+from linework.files.las.tally import DAY_S, NOISE_CLASS, WITHHELD, TimeCounts, TimeKind
 from linework.files.output.record import hash_file
 from linework.files.store.extent import refuse_degrees, stray_limits
 from linework.files.store.facts import FileFacts, StoreFacts, facts_document, facts_of_store
@@ -68,7 +68,7 @@ def build_store(
         planned, account = plan_files(survey)
         lacking = _files_without(planned, survey.carry)
         check_free_space(folder, sum(file.header.n_points for file in planned), len(survey.carry))
-        decoded = _decode_all(decoder, planned, account, folder, survey.carry, progress)
+        decoded = _decode_all(decoder, planned, account, folder, survey, progress)
     if not decoded:
         first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
         raise first or account.empty or InputError("no points", where=survey.root)
@@ -87,37 +87,56 @@ def _decode_all(
     planned: Sequence[PlannedFile],
     account: StoreBuildAccount,
     folder: Path,
-    carry: tuple[str, ...],
+    survey: Survey,
     progress: Callable[[int, int], None] | None,
 ) -> list[tuple[PlannedFile, Decoded]]:
     """Decode the files one after the other; failures go into the account and leave no file."""
     n_promised = sum(file.header.n_points for file in planned)
-    n_before, decoded = 0, []
-    for number, file in enumerate(planned):
+    decoded: dict[int, Decoded] = {}
 
-        def report(n_read: int, n_before: int = n_before) -> None:
+    def decode(number: int, n_before: int, *, continues_week: bool = False) -> None:
+        file, target = planned[number], folder / f"{number}{POINTS_SUFFIX}"
+
+        def report(n_read: int) -> None:
             if progress is not None:
                 progress(n_before + n_read, n_promised)
 
-        target = folder / f"{number}{POINTS_SUFFIX}"
         task = DecodeTask(
-            path=file.path, target=target, factors=file.crs.factors, carry=tuple(sorted(carry)),
+            path=file.path, target=target, factors=file.crs.factors, carry=tuple(sorted(survey.carry)),
             sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
-            batch_points=decoder.batch_points,
+            batch_points=decoder.batch_points, keeps_noise=keeps_noise(survey), continues_week=continues_week,
         )  # fmt: skip
         try:
-            result = decoder.decode(task, report)
-            _check_result(file, result)
+            decoded[number] = decoder.decode(task, report)
+            _check_result(file, decoded[number])
         except InputError as error:
             account.failures[file.path] = error
+            decoded.pop(number, None)
             target.unlink(missing_ok=True)
         except BaseException:
             target.unlink(missing_ok=True)
             raise
-        else:
-            decoded.append((file, result))
+
+    n_before = 0
+    for number, file in enumerate(planned):
+        decode(number, n_before)
         n_before += file.header.n_points
-    return decoded
+    # The times of all files are known by now
+    for number in _after_the_week(decoded):
+        (folder / f"{number}{POINTS_SUFFIX}").unlink()
+        decode(number, n_promised - planned[number].header.n_points, continues_week=True)
+    return [(planned[number], result) for number, result in decoded.items()]
+
+
+def _after_the_week(decoded: Mapping[int, Decoded]) -> list[int]:
+    """Return the files that begin after the end of a GPS week, in surveys with files before it."""
+    of_week = {number: result for number, result in decoded.items() if result.gps_time_kind == "week"}
+    times = TimeCounts()
+    for result in of_week.values():
+        times.merge(result.times)
+    if not times.ends_a_week():
+        return []
+    return [number for number, result in of_week.items() if result.times.low_s < DAY_S]
 
 
 def _files_without(planned: Sequence[PlannedFile], carry: Sequence[str]) -> dict[str, list[Path]]:
@@ -179,6 +198,32 @@ def _check_result(file: PlannedFile, result: Decoded) -> None:
         )
 
 
+def keeps_noise(survey: Survey) -> bool:
+    """Return whether the survey.toml says that points of noise classes are to be used."""
+    return bool(survey.settings.get("points", {}).get("keep_noise", False))
+
+
+def left_out_warnings(results: Sequence[Decoded]) -> list[str]:
+    """Return a warning if more than a few points were left out: how many, why, and what changes it."""
+    rejected: Counter[str] = Counter()
+    for result in results:
+        rejected.update(result.n_rejected)
+    n_points = sum(result.n_points for result in results) + rejected.total()
+    n = rejected.total()
+    if n <= min(_FEW_POINTS, _FEW_SHARE * n_points):
+        return []
+    reasons = ", ".join(f"{count:,} {reason}" for reason, count in sorted(rejected.items()))
+    advice = {
+        NOISE_CLASS: "keep_noise = true in the table [points] of a survey.toml uses those of noise classes",
+        WITHHELD: "withheld points are taken back with the tool that withheld them",
+    }
+    said = [text for reason, text in advice.items() if rejected[reason]]
+    share = f"{100.0 * n / n_points:.2g} %"
+    return [
+        f"{n:,} of {n_points:,} points ({share}) left out: {reasons}" + "".join(f"; {text}" for text in said)
+    ]
+
+
 def check_free_space(folder: Path, n_points: int, n_columns: int) -> None:
     """Refuse a folder on a disk without room for a number of points with further columns.
 
@@ -217,6 +262,7 @@ def _facts(
         warnings.append(f"{n_untimed} of {len(results)} files have no GPS time: times not used")
     for name, paths in lacking.items():
         warnings.append(f"{len(paths)} of {len(results)} files have no column '{name}': NaN there")
+    warnings += left_out_warnings(results)
     times = TimeCounts()
     for result in results if n_untimed == 0 else ():
         times.merge(result.times)
@@ -257,6 +303,10 @@ def _common_kind(files: Sequence[FileFacts]) -> TimeKind:
 
 
 CHANGED_ADVICE = "run again when no program writes to it"
+
+
+#: So many points left out are said: in a street, a thousand are a metre of a kerb. [points], [ratio]
+_FEW_POINTS, _FEW_SHARE = 1000, 0.001
 
 
 @dataclass(frozen=True, slots=True)

@@ -246,11 +246,9 @@ def _given_crs(option: str | None, setting: str | None, where: Path | None) -> t
     if by_option and by_setting and not same_crs(by_option, by_setting):
         raise CrsError(f"two different CRSs: crs = {setting}, {argument('crs')} says {option}", where=where,
                        advice=f"leave {argument('crs')} out, or correct the survey.toml")  # fmt: skip
-    return (
-        (setting, f"crs in {where}")
-        if option is None and by_setting
-        else (option or setting, argument("crs"))
-    )
+    if where is not None and option is None and by_setting:
+        return setting, f"crs in {where.name}"
+    return option or setting, argument("crs")
 
 
 def _survey_crs(files: Sequence[Path], given: str | None, by: str, *, has_images: bool) -> str:

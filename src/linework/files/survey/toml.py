@@ -65,7 +65,7 @@ _SURVEY: Table = {
     "heights": {
         "geoid": expect("a text or a number", lambda value: isinstance(value, str) or is_finite(value))
     },
-    "points": {"files": _TEXTS},
+    "points": {"files": _TEXTS, "keep_noise": expect("true or false", lambda value: isinstance(value, bool))},
     "trajectory": {
         "file": _TEXT,
         "times": _TEXT,

@@ -14,6 +14,7 @@ from linework.files.store.in_memory import EPOCH_OF_KIND, check_trajectory_cover
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
+from linework.runs.opened.path_checks import odd_path
 from linework.runs.opened.points import OpenedSurvey, hash_path
 from linework.runs.opened.recordings import Recordings
 from linework.runs.opened.store import HeldStore, held_store_of_points
@@ -84,6 +85,7 @@ def _refuse_unusable_path(trajectory: Trajectory) -> None:
 def _checked_path(trajectory: Trajectory, held: HeldStore) -> tuple[str, ...]:
     """Return warnings about a trajectory that does not fit its points well."""
     warnings = check_trajectory_covers(trajectory, held.facts, where="trajectory")
+    warnings += tuple(f"trajectory: {text}" for text in odd_path(trajectory, held.points))
     if held.facts.has_time:
         text = named_clock_offset(trajectory, held.points, EPOCH_OF_KIND[held.facts.gps_time_kind])
         warnings += (f"trajectory: {text}",) if text else ()

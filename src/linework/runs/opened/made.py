@@ -1,6 +1,6 @@
 """What linework made in a work folder: listed before it is made, so that nothing else is ever removed.
 
-The list is a text file in the work folder, ``made-by-linework.txt``: a name per line, relative to the folder. A folder
+The list is a text file in the work folder, ``linework-made.txt``: a name per line, relative to the folder. A folder
 without it holds nothing of linework, whatever the folders in it are called.
 """
 
@@ -16,8 +16,9 @@ from pathlib import Path
 from linework.errors import OutputExistsError, argument
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
+from linework.files.output.replace import make_durable
 
-LIST = "made-by-linework.txt"
+LIST = "linework-made.txt"
 STORES, RUNS = "stores", "runs"
 #: Folders that hold what is made; they may hold things of others too.
 FOLDERS = (".", STORES, RUNS)
@@ -69,8 +70,7 @@ def _add(work: Path, names: Sequence[str], listed: Sequence[str]) -> None:
         return
     with machine_errors(work), (work / LIST).open("ab") as file:
         file.write(((_HEAD if not file.tell() else "") + text).encode())
-        file.flush()
-        os.fsync(file.fileno())
+    make_durable(work / LIST)
 
 
 @contextlib.contextmanager

@@ -25,6 +25,7 @@ from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
 from linework.processes.executors import Executor
 from linework.processes.identity import identity_of
+from linework.runs.opened.path_checks import odd_path
 from linework.runs.opened.store import held_store
 from linework.runs.opened.surface import SurveySurface, make_surface
 from linework.runs.own import GroundFinder
@@ -95,6 +96,7 @@ def opened_survey(
                 content.trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
             )
             warnings += check_trajectory_covers(trajectory, held.facts, where=where)
+            warnings += tuple(f"{where.name}: {text}" for text in odd_path(trajectory, held.points))
             if held.facts.has_time:
                 epoch = EPOCH_OF_KIND[held.facts.gps_time_kind]
                 text = named_clock_offset(trajectory, held.points, epoch)

@@ -20,7 +20,7 @@ from linework.files.las.header import read_las_header
 from linework.files.output.locks import hold_lock
 from linework.files.output.record import hash_file
 from linework.files.output.replace import replacing_folder
-from linework.files.store.build import build_store
+from linework.files.store.build import build_store, keeps_noise
 from linework.files.store.facts import StoreFacts, facts_of_store
 from linework.files.store.from_points import store_points
 from linework.files.store.read import PointStore
@@ -158,6 +158,7 @@ def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
         source_hash("files", "kernels"),
         survey.crs,
         survey.settings.get("crs"),
+        keeps_noise(survey),
         [hashes.get(p) for p in survey.point_files],
         survey.carry,
     ]

@@ -6,7 +6,7 @@ Its content::
         stores/<key>/       points of one state of the input files, and the surfaces found in them
         runs/<key>/         journal and lines of the tiles of a run that is not finished
         *.lock              held by the process that makes or uses what they are named for
-        made-by-linework.txt  lists what linework made, and may remove: `linework.runs.opened.made`
+        linework-made.txt  lists what linework made, and may remove: `linework.runs.opened.made`
 """
 
 from __future__ import annotations
