@@ -13,6 +13,8 @@ PROMISES = {
     ("docs/formats.md", "What every output guarantees"): {
         "Heights and the full, compound CRS": "tests/files/vectors/test_vectors.py::test_round_trip",
         "An output appears complete or not at all": "tests/files/test_full_disk.py::test_full_disk",
+        "An output is never a file that the command reads": "tests/commands/faults/test_outputs.py::test_no_command_replaces_what_it_reads",
+        "Two runs that write one file or folder": "tests/commands/faults/test_outputs.py::test_of_two_simulations_into_one_folder_one_ends_well",
         "The same input and settings give": "tests/laws/test_splitting.py::test_workers_change_not_a_byte",
         "A damaged file, or a tile that fails": "tests/commands/faults/test_bad_input.py::test_a_damaged_file_among_good_ones",
     },

@@ -12,9 +12,9 @@ from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.trajectory import Trajectory
 
-#: Height of a vehicle's origin above the road: from a wheel's contact, given a metre of error, to the roof of a lorry
-#: with a mast. [m]
-_LOWEST_M, _HIGHEST_M = -1.0, 6.0
+#: Height of a vehicle's origin above the road: from the contact of its wheels, less two metres of error of a poor fix,
+#: to the roof of a lorry with a mast. [m]
+_LOWEST_M, _HIGHEST_M = -2.0, 6.0
 #: The ellipsoid and the geoid are at most so far apart (EGM2008: -107 to 86 m). [m]
 _MOST_UNDULATION_M = 110.0
 _FOOT_M = 0.3048
