@@ -155,7 +155,7 @@ store.columns.settle_by_columns = columns
 store.order.first_damaged = paint boundaries rails cables points
     u8:1C u8:1C u2:1C i8:1C b1:1A u8:1A
     u8:1C u8:1C u2:1C i8:1C b1:1C u8:1C
-store.order.keep_inside = rails cables
+store.order.keep_inside = paint boundaries rails cables points
     u8:1C u8:1C u2:1C i8:1C i4:1C
 store.order.sort_points = paint boundaries rails cables points
     u8:1C u8:1C u2:1C (u8:1C,i4:1C,u8:1C,i4:1C)
