@@ -172,6 +172,13 @@ READ = [
     Read("A08 100 fewer", put(las, HEAD, N_POINTS, "Q", 300), 300, (r"3,000 bytes after the last of 300 points",)),
     Read("A08 100 fewer, compressed", put(laz, HEAD, N_POINTS, "Q", 300), 300,
          (r"chunks for 400 points, the header says 300: the others are not read",)),
+    *(
+        Read(f"A08 {n:,} of {of:,} in chunks without layers", put(make, HEAD, N_POINTS_OLD, "I", n), n,
+             (rf"more points in the file than the {n:,} that its header says: the others are not read",))
+        for make, of, n in ((old_laz, N, N - 1), (old_laz, N, 1), (many_laz, 120_000, 119_999), (many_laz, 120_000, 100_001))
+    ),
+    Read("A08 a chunk fewer, without layers", put(many_laz, HEAD, N_POINTS_OLD, "I", 100_000), 100_000,
+         (r"chunks for 150,000 points, the header says 100,000: the others are not read",)),
     Read("A14 negative scale", put(las, HEAD, SCALES, "d", -0.001), N, (r"x scale is negative \(-0\.001\)", r"\d+ of 400 points lie outside the bounding box in its header")),
     Read("A16 inverted", put(las, HEAD, BOX, "2d", 1.0, 2.0), N, (r"the header's bounding box is invalid \(x from 2 to 1\): not used",)),
     Read("A16 as of an empty file", put(laz, HEAD, BOX, "6d", *[-1.7976931348623157e308, 1.7976931348623157e308] * 3), N,

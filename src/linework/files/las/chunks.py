@@ -59,12 +59,16 @@ class LazTable:
         Byte where the chunk table begins; None without chunks.
     is_sound
         Whether that table can be trusted.
+    last_chunk
+        Points before the last chunk, and the bytes where it begins and ends; None where chunks state their number of
+        points themselves (point formats 6 to 10), and without a sound table.
     """
 
     vlr: bytes
     chunk_size: int
     table_offset: int | None
     is_sound: bool
+    last_chunk: tuple[int, int, int] | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -114,7 +118,9 @@ def read_laz_table(
         walked = _walked_chunks(path, file, data, point_offset, at, record_bytes)
         table = LazTable(data, chunk_size, at, _agree(path, listed, walked, chunk_size))
         return _judged(path, table, walked, n_points, is_exact=True)
-    return _judged(path, LazTable(data, chunk_size, at, bool(listed)), listed, n_points, is_exact=False)
+    last = (sum(n for n, _ in listed[:-1]), at - listed[-1][1], at) if listed else None
+    table = LazTable(data, chunk_size, at, bool(listed), last_chunk=last)
+    return _judged(path, table, listed, n_points, is_exact=False)
 
 
 def _check_share(path: Path, n_points: int, n_bytes: int) -> None:

@@ -22,6 +22,7 @@ from linework.errors import InputError, MachineError
 from linework.files.las.batches import read_las_batches
 from linework.files.las.decoder_messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.header import LasHeader, read_las_header
+from linework.files.las.last_chunk import last_chunk_warnings
 from linework.files.las.repeats import PointSample, repeated_inside
 from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, TimeVerdict
 from linework.processes.channel import Channel
@@ -85,7 +86,7 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
     if written.tally.must_go_without_time:
         task.target.unlink()
         written = _write(task, header, LasTally(uses_time=False, keeps_noise=task.keeps_noise), report)
-    return _decoded(written, verdict)
+    return _decoded(written, verdict, last_chunk_warnings(task.path, header))
 
 
 class _Written:
@@ -145,7 +146,7 @@ def _writer(target: Path, report: SendReport) -> StoreWriter:
     return StoreWriter(target)
 
 
-def _decoded(written: _Written, verdict: TimeVerdict) -> Decoded:
+def _decoded(written: _Written, verdict: TimeVerdict, more: tuple[str, ...]) -> Decoded:
     tally = written.tally
     has_time = verdict.gps_time_kind != "none"
     repeats = written.repeats.numbers()
@@ -163,7 +164,7 @@ def _decoded(written: _Written, verdict: TimeVerdict) -> Decoded:
         sample=_sample(written.samples),
         repeats=repeats,
         runs=written.runs,
-        warnings=(*verdict.warnings, *doubts),
+        warnings=(*more, *verdict.warnings, *doubts),
     )
 
 
