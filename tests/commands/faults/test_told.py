@@ -119,10 +119,10 @@ def at_rest(rows):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (geoid, "the path runs 4[0-9].[0-9] m above the lowest points around it .* ellipsoid"),
-        (feet, "are its heights in feet?"),
-        (one_pose, "a pose lies off the line between the two beside, that at .* by 57.* m"),
-        (at_rest, "the path stays within 0.0 m for 15 s"),
+        (geoid, "the van is 4[0-9].[0-9] m above the points along the way: .* ellipsoid"),
+        (feet, "are the trajectory's heights in feet?"),
+        (one_pose, "the pose at .* is 57.* m off the way"),
+        (at_rest, "the van never moves: all .* poses of 15 s lie within 0.00 m"),
     ],
 )
 def test_an_odd_path_is_said_with_its_cause(street, tmp_path, change, said):

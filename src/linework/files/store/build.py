@@ -210,7 +210,7 @@ def left_out_warnings(results: Sequence[Decoded]) -> list[str]:
         rejected.update(result.n_rejected)
     n_points = sum(result.n_points for result in results) + rejected.total()
     n = rejected.total()
-    if n <= min(_FEW_POINTS, _FEW_SHARE * n_points):
+    if n <= min(FEW_POINTS, FEW_SHARE * n_points):
         return []
     reasons = ", ".join(f"{count:,} {reason}" for reason, count in sorted(rejected.items()))
     advice = {
@@ -306,7 +306,7 @@ CHANGED_ADVICE = "run again when no program writes to it"
 
 
 #: So many points left out are said: in a street, a thousand are a metre of a kerb. [points], [ratio]
-_FEW_POINTS, _FEW_SHARE = 1000, 0.001
+FEW_POINTS, FEW_SHARE = 1000, 0.001
 
 
 @dataclass(frozen=True, slots=True)

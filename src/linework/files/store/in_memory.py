@@ -14,7 +14,7 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las.tally import TimeKind
 from linework.files.logs.clock import WEEK_S, known_offsets
-from linework.files.store.build import build_store
+from linework.files.store.build import FEW_POINTS, FEW_SHARE, build_store
 from linework.files.store.facts import FileFacts as FileFacts
 from linework.files.store.facts import StoreFacts
 from linework.files.store.read import PointStore
@@ -23,6 +23,7 @@ from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.processes.forced_end import removed_if_forced
 
+_FOOT_M = 0.3048
 #: Largest distance between van and points [m]: scanners reach some 300 m; more means another place or CRS.
 _MAX_APART_M = 1000.0
 #: A gap in the trajectory: no poses for longer than this [s] and than this many median intervals.
@@ -121,7 +122,8 @@ def check_trajectory_covers(
     if float(np.hypot(*apart)) > _MAX_APART_M:
         raise InputError(
             f"trajectory and points are {float(np.hypot(*apart)) / 1000.0:,.1f} km apart: east {_range(driven, 0)},"
-            f" north {_range(driven, 1)} against east {_range(scanned, 0)}, north {_range(scanned, 1)}",
+            f" north {_range(driven, 1)} against east {_range(scanned, 0)}, north {_range(scanned, 1)}"
+            f"{_named_unit(driven, scanned)}",
             where=where,
             advice="check that both are in the same CRS, with east before north",
         )
@@ -137,11 +139,12 @@ def check_trajectory_covers(
         raise InputError(f"{spans}: no common time{_named_offset(facts, start, end)}", where=where,
                          advice="check the epochs (GPS week seconds, adjusted, unix)")  # fmt: skip
     holes = _in_holes(trajectory, facts)
-    if share > 0.99:
+    outside = 1.0 - share
+    if outside <= FEW_SHARE and outside * facts.n_points <= FEW_POINTS:
         return holes
     return (
         *holes,
-        f"{100.0 * (1.0 - share):.0f} % of the points are outside the trajectory's time"
+        f"{100.0 * outside:.2g} % of the points are outside the trajectory's time"
         f" ({spans}){_named_offset(facts, start, end)}",
     )
 
@@ -167,6 +170,16 @@ def _in_holes(trajectory: Trajectory, facts: StoreFacts) -> tuple[str, ...]:
         f"{100.0 * share:.2g} % of the points are in {len(spans)} gaps of the trajectory, the longest from {start:.1f}"
         f" to {end:.1f} s: a straight path is assumed there",
     )
+
+
+def _named_unit(driven: tuple[FloatArray, FloatArray], scanned: tuple[FloatArray, FloatArray]) -> str:
+    """Return which of trajectory and points would meet the other if it were in feet, as text; "" if neither."""
+    for what, feet, metres in (("the trajectory is", driven, scanned), ("the points are", scanned, driven)):
+        low, high = feet[0] * _FOOT_M, feet[1] * _FOOT_M
+        apart = np.maximum(np.maximum(low - metres[1], metres[0] - high), 0.0)
+        if float(np.hypot(*apart)) <= _MAX_APART_M:
+            return f"; they meet if {what} in feet"
+    return ""
 
 
 def _named_offset(facts: StoreFacts, start_s: float, end_s: float) -> str:
