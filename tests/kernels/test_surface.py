@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from linework.kernels.cells import nearest, regions, surface
 from linework.surface.heights import middle_network
@@ -132,12 +131,6 @@ def test_slopes_are_the_medians_of_the_differences_around(holes):
                 known = around[~np.isnan(around)]
                 expected = np.median(known) / 0.5 if len(known) else 0.0
                 assert slopes[r, c] == pytest.approx(expected, abs=1e-6)
-
-
-def test_opening_is_scipy_s():
-    mask = np.random.default_rng(1).random((40, 30)) < 0.85
-    for function in (regions.opened, regions.opened.py_func):
-        assert np.array_equal(function(mask), ndimage.binary_opening(mask, np.ones((3, 3))))
 
 
 def test_the_layer_of_a_cell_counts_its_lowest_point_and_forgets_the_order():

@@ -210,7 +210,7 @@ def test_a_tile_that_fails_is_named_has_no_surface_and_is_tried_again(tmp_path):
     assert np.isfinite(again.over(store.bounds).road_m).all()
 
 
-@pytest.mark.parametrize("step", ["find_regions", "find_isolated_pieces", "extend_tile_surface"])
+@pytest.mark.parametrize("step", ["find_regions", "coarse_heights", "extend_tile_surface"])
 def test_a_tile_may_fail_at_any_step(tmp_path, monkeypatch, step):
     """It has done half of its work when it dies: its neighbours do not rely on that half."""
     store = store_of(tmp_path / "store", winding_road(1))

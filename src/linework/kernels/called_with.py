@@ -72,6 +72,10 @@ cells.nearest.nearest_known_squared = paint boundaries rails cables points
     b1:2C i8 i8
 cells.nearest.softened = paint boundaries rails cables points
     f4:2C i4:2C i8 f8 f8
+cells.planes.interpolated = paint boundaries rails cables points
+    i8:3C b1:2C i8:1C i8 f8 i8 i8
+cells.planes.summed_moments = paint boundaries rails cables points
+    f4:2C b1:2C i8
 cells.rasterise.count_in_band = rails
     f8:2C! f4:1C! f8 f8 f8:1C i8 i8
 cells.regions.drops_below = paint boundaries rails cables points
@@ -80,8 +84,6 @@ cells.regions.label_regions = paint boundaries rails cables points
     f4:2C f4:2C f4:2C b1:2C f8 f8 b1
 cells.regions.links_across = paint boundaries rails cables points
     f4:2C f4:2C i4:2C f4:2C f4:2C i4:2C f8 f8
-cells.regions.opened = paint boundaries rails cables points
-    b1:2C
 cells.regions.sizes_of_labels = paint boundaries rails cables points
     i4:2C i4:2C i8
 cells.regions.with_labels = paint boundaries rails cables points

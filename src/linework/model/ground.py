@@ -17,6 +17,8 @@ _ZERO_STEP_M = 100.0
 _SAME = 1e-9
 #: Edges this near a multiple of the size of a cell are on it: coordinates have rounded. [cells]
 _SAME_CELL = 1e-6
+#: Rows and columns that a slope needs.
+_LEAST_FOR_SLOPE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,9 @@ class Ground:
         (rows, cols) float32 [m above z0_m]: the ground, of which the road is part.
     is_road, is_ground
         (rows, cols) bool: cells in which road, or ground, was measured.
+    sigma_m
+        (rows, cols) float32 [m]: standard deviation of `ground_m`, where it was measured the scatter of the points in
+        the cell; NaN where it is not known, but extended from elsewhere. None: all measured cells are exact.
 
     Examples
     --------
@@ -54,6 +59,40 @@ class Ground:
     ground_m: Float32Array
     is_road: BoolArray
     is_ground: BoolArray
+    sigma_m: Float32Array | None = None
+
+    @property
+    def sigma(self) -> Float32Array:
+        """(rows, cols) float32 [m]: standard deviation of `ground_m`; NaN where it is not known."""
+        if self.sigma_m is not None:
+            return self.sigma_m
+        return np.where(self.is_ground, np.float32(0.0), np.float32(np.nan))
+
+    @property
+    def is_known(self) -> BoolArray:
+        """(rows, cols) bool: cells whose ground was measured, or interpolated between measured cells on all sides."""
+        return np.isfinite(self.sigma)
+
+    @property
+    def is_interpolated(self) -> BoolArray:
+        """(rows, cols) bool: cells whose ground is known and was not measured."""
+        return self.is_known & ~self.is_ground
+
+    @property
+    def slope(self) -> Float32Array:
+        """(rows, cols) float32 [m/m]: slope of the ground across each cell and its neighbours."""
+        if min(self.ground_m.shape) < _LEAST_FOR_SLOPE:
+            return np.zeros_like(self.ground_m)
+        return np.asarray(np.hypot(*np.gradient(self.ground_m, self.grid.cell_width_m)), dtype=np.float32)
+
+    @property
+    def distance_m(self) -> Float32Array:
+        """(rows, cols) float32 [m]: from each cell to the nearest one that was measured; inf without any."""
+        if not self.is_ground.any():
+            return np.full(self.grid.shape, np.inf, dtype=np.float32)
+        from scipy.ndimage import distance_transform_edt
+
+        return np.asarray(distance_transform_edt(~self.is_ground) * self.grid.cell_width_m, dtype=np.float32)
 
     @classmethod
     def from_heights(
@@ -147,7 +186,9 @@ class Ground:
             there = np.zeros(len(xy), dtype=np.bool_)
             there[inside] = mask[row[inside], col[inside]]
             masks.append(there.reshape(grid.shape))
-        return Ground(grid, zero, road_m, ground_m, *masks)
+        sigma_m = np.full(len(xy), np.nan, dtype=np.float32)
+        sigma_m[inside] = self.sigma[row[inside], col[inside]]
+        return Ground(grid, zero, road_m, ground_m, masks[0], masks[1], sigma_m.reshape(grid.shape))
 
     def height_m(self, xy: AnyArray) -> FloatArray:
         """Return the height of the ground at (n, 2 or 3) places [m, world], (n,) float64 [m, world].

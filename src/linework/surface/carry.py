@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import nearest as kernels
+from linework.kernels.cells import planes
 from linework.kernels.cells.surface import FIXED
 from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
@@ -19,6 +20,11 @@ from linework.surface.config import RoadConfig
 CARRY_REACH_M = 60.0
 #: Distance over which an average replaces the value of the nearest cell, whose rays meet in creases. [m]
 _SOFT_M = 2.0
+#: Reach of the windows in which the ground is interpolated [m]: across a footway, a car, a lorry; the last one only
+#: checks the one before. Least number of ground cells in each quarter of a window: one may be a bush.
+_BETWEEN_M, _LEAST_IN_QUARTER = (1.0, 2.0, 4.0, 8.0, 16.0), 2
+#: A height that is less sure is not known: half of what tells a kerb's top from the road, at one sigma. [m]
+_MOST_SIGMA_M = 0.15
 
 
 def reach_cells(config: RoadConfig) -> int:
@@ -95,17 +101,23 @@ class CoarseGround:
 def extended_surface(
     window: CellWindow,
     height: Float32Array,
+    spread: Float32Array,
     is_road: BoolArray,
     is_ground: BoolArray,
     coarse: CoarseGround,
     config: RoadConfig,
-) -> tuple[Float32Array, Float32Array]:
-    """Return the heights of road and ground in every cell of a window, (n_rows, n_cols) float32 each [m].
+) -> tuple[Float32Array, Float32Array, Float32Array]:
+    """Return the heights of road and ground in every cell of a window, and the sigma of the ground.
+
+    Each is (n_rows, n_cols) float32 [m]. Between measured cells the ground is interpolated; beyond them it is extended
+    from the nearest one, and its sigma is NaN: it is not known there.
 
     Parameters
     ----------
     height, is_road, is_ground
         (n_rows + 2 h, n_cols + 2 h) float32 [m] and bool, with a halo of h = `halo_cells`.
+    spread
+        (n_rows, n_cols) float32: of the lowest layer of each cell. [m]
     coarse
         Mean heights of the ground farther away.
 
@@ -115,13 +127,43 @@ def extended_surface(
     """
     half = _soft_cells(config)
     reach = reach_cells(config)
-    ground, _ = _carried_on(height, is_ground, reach, reach, half, config.cell_m)
+    ground, gap = _carried_on(height, is_ground, reach, reach, half, config.cell_m)
+    between, sigma = _interpolated(height, is_ground, gap, config)
+    known = np.isfinite(sigma)
+    ground[known] = between[known]
+    measured = gap == 0
+    sigma[measured] = np.where(np.isnan(spread), np.float32(config.layer_m / math.sqrt(12.0)), spread)[
+        measured
+    ]
     # As far as the road is the reference, and a little farther for the averages
     near = min(math.ceil(2.0 * config.carry_m / config.cell_m) + half + 1, reach)
     road, square = _carried_on(height, is_road, near, reach, half, config.cell_m)
     far, rows, cols = coarse.over(window, config.cell_m)
     kernels.blend_into_ground(road, square, ground, far, rows, cols, config.cell_m, config.carry_m)
-    return road, ground
+    return road, ground, sigma
+
+
+def _interpolated(
+    height: Float32Array, is_ground: BoolArray, gap: AnyArray, config: RoadConfig
+) -> tuple[Float32Array, Float32Array]:
+    """Return the heights of cells between measured ones, and their sigma; NaN where they are not known.
+
+    `gap` is the squared distance to the nearest ground in the inner cells, (n_rows, n_cols) [cells**2].
+    """
+    radii = np.array([max(round(m / config.cell_m), 1) for m in _BETWEEN_M], np.int64)
+    halo = int(radii[-1])
+    # Cells farther away have no ground in any window
+    wanted = (gap > 0) & (gap <= 2 * int(radii[-2]) ** 2)
+    cut = (height.shape[0] - gap.shape[0]) // 2 - halo
+    near = np.s_[cut : height.shape[0] - cut, cut : height.shape[1] - cut]
+    if not wanted.any():
+        nothing = np.full(gap.shape, np.nan, np.float32)
+        return nothing, nothing.copy()
+    known = np.ascontiguousarray(is_ground[near])
+    height = np.ascontiguousarray(height[near])
+    base = math.floor(float(np.nanmean(height[known])))
+    table = planes.summed_moments(height, known, base)
+    return planes.interpolated(table, wanted, radii, _LEAST_IN_QUARTER, _MOST_SIGMA_M, halo, base)
 
 
 def _carried_on(

@@ -9,21 +9,21 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, IntArray, offsets_of
 from linework.surface.cells import under_the_wheels
-from linework.surface.regions import LabelTable, RegionFacts, connected_groups
+from linework.surface.regions import MIN_ROAD_M2, LabelTable, RegionFacts, connected_groups, is_bare
 
-#: Least area of a road in an area without path: larger than the roof of a lorry, or a few cells of a wire. [m2]
-MIN_ROAD_M2 = 25.0
 _NO_NODES = np.zeros(0, dtype=np.int64)
+_NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
 class RegionLink:
-    """Labels (n, 2) of road and of ground that are connected across the edge of windows `a` and `b`."""
+    """Labels (n, 2) of road and of ground that are connected across the edge of windows `a` and `b`, and roads that touch."""
 
     a: int
     b: int
     road: AnyArray
     ground: AnyArray
+    touching: AnyArray
 
 
 class Choice:
@@ -40,29 +40,31 @@ class Choice:
 
     Notes
     -----
-    Roads are the regions under the path; in a recorded area without path the region with most points, if it is large
-    enough. Ground is what is connected to a road. Where no region of the survey qualifies, the one with most points is
-    taken.
+    Roads are the regions under the path; in a recorded area without path all smooth regions of bare earth that are large
+    enough, but of two that touch, at a kerb, the one with more points. Ground is the regions of bare earth, and what roads lie on. Where no region of the
+    survey qualifies, the one with most points is ground.
     """
 
     def __init__(self, facts: Sequence[RegionFacts], links: Sequence[RegionLink], cell_m: float) -> None:
-        roads, grounds = _Nodes([f.road for f in facts]), _Nodes([f.ground for f in facts])
+        roads, grounds = _Nodes([f.road for f in facts], cell_m), _Nodes([f.ground for f in facts], cell_m)
         roads.unite([(link.a, link.b, link.road) for link in links])
         grounds.unite([(link.a, link.b, link.ground) for link in links])
         seeds = np.concatenate([_NO_NODES, *(roads.nodes(i, f.seeds) for i, f in enumerate(facts))])
         drops = np.concatenate([np.zeros((0, 2), np.float32), *(f.drops for f in facts)])
         roads.choose(seeds[under_the_wheels(drops)])
-        least = MIN_ROAD_M2 / cell_m**2
-        roads.choose(roads.largest(roads.island, apart_from=roads.island[roads.chosen], least=least))
-        if not roads.chosen.any():
-            roads.choose(roads.largest(np.zeros_like(roads.island)))
+        with_path = np.isin(roads.island, roads.island[roads.chosen])
+        touching = [roads.pairs(i, i, f.touching) for i, f in enumerate(facts)]
+        touching += [roads.pairs(link.a, link.b, link.touching) for link in links]
+        roads.choose_apart(
+            roads.bare(least_m2=MIN_ROAD_M2) & ~with_path, np.concatenate([_NO_PAIRS, *touching])
+        )
         for i, f in enumerate(facts):
             on = roads.chosen[roads.nodes(i, f.pairs[:, 0])]
             grounds.choose(grounds.nodes(i, f.pairs[on, 1]))
-        if not grounds.chosen.any():
-            grounds.choose(grounds.largest(np.zeros_like(grounds.island)))
-        self._roads, self._grounds = roads, grounds
-        self._more: dict[int, list[AnyArray]] = {}
+        grounds.choose(np.flatnonzero(grounds.bare()))
+        if not grounds.chosen.any() and not any(len(f.bare) for f in facts):
+            grounds.choose(grounds.most_points())
+        self._roads, self._grounds, self._inside = roads, grounds, [f.bare for f in facts]
 
     def road_labels(self, i: int) -> AnyArray:
         """Return the labels of window i that are road, (k,) int32."""
@@ -70,20 +72,14 @@ class Choice:
 
     def ground_labels(self, i: int) -> AnyArray:
         """Return the labels of window i that are ground, (k,) int32."""
-        return np.unique(np.concatenate([self._grounds.chosen_labels(i), *self._more.get(i, [])]))
-
-    def add_ground(self, i: int, labels: AnyArray) -> None:
-        """Add regions of window i, and those connected to them, to the ground; `labels` is (k,)."""
-        listed = np.isin(labels, self._grounds.tables[i].labels)
-        self._grounds.choose(self._grounds.nodes(i, labels[listed]))
-        self._more.setdefault(i, []).append(labels[~listed].astype(np.int32))
+        return np.union1d(self._grounds.chosen_labels(i), self._inside[i])
 
 
 class _Nodes:
     """The listed regions of all windows as the nodes of one graph."""
 
-    def __init__(self, tables: Sequence[LabelTable]) -> None:
-        self.tables = tables
+    def __init__(self, tables: Sequence[LabelTable], cell_m: float) -> None:
+        self.tables, self._cell_m = tables, cell_m
         self.offsets = offsets_of([len(t.labels) for t in tables])
         self.island = np.concatenate([_NO_NODES, *(t.island for t in tables)])
         self.chosen: BoolArray = np.zeros(len(self.island), dtype=bool)
@@ -93,10 +89,14 @@ class _Nodes:
         """Return the nodes of listed labels of window i."""
         return np.asarray(self.offsets[i] + np.searchsorted(self.tables[i].labels, labels), dtype=np.int64)
 
+    def pairs(self, a: int, b: int, labels: AnyArray) -> IntArray:
+        """Return the nodes of pairs of listed labels (n, 2) of windows a and b."""
+        return np.stack([self.nodes(a, labels[:, 0]), self.nodes(b, labels[:, 1])], axis=-1)
+
     def unite(self, links: Sequence[tuple[int, int, AnyArray]]) -> None:
         """Compute the connected groups, given links between windows."""
-        pairs = [np.stack([self.nodes(a, p[:, 0]), self.nodes(b, p[:, 1])], axis=-1) for a, b, p in links]
-        self.group = connected_groups(len(self.island), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
+        pairs = [self.pairs(*link) for link in links]
+        self.group = connected_groups(len(self.island), np.concatenate([_NO_PAIRS, *pairs]))
 
     def choose(self, nodes: AnyArray) -> None:
         """Choose nodes and all nodes connected to them."""
@@ -104,24 +104,42 @@ class _Nodes:
         groups[self.group[nodes]] = True
         self.chosen |= groups[self.group]
 
-    def largest(self, place: AnyArray, apart_from: AnyArray = _NO_NODES, least: float = 0.0) -> IntArray:
-        """Return a node of the region with most points in each area, except for some areas.
+    def bare(self, least_m2: float = 0.0) -> BoolArray:
+        """Return which nodes belong to groups of bare earth that are large enough, (n,) bool."""
+        cells, bare = self._sums("cells"), self._sums("bare")
+        good = is_bare(bare, cells) & (cells * self._cell_m**2 >= least_m2)
+        return good[self.group]
 
-        Ties go to the region that begins farther north, then west. Regions of fewer than `least` cells do not count.
-        `place` is (n,): the area of each node.
-        """
-        if len(self.group) == 0:
-            return _NO_NODES
-        cells, points = np.zeros((2, len(self.group)), dtype=np.int64)
+    def choose_apart(self, wanted: BoolArray, touching: IntArray) -> None:
+        """Choose the groups of wanted nodes (n,), those with most points first, and none that touches a chosen one."""
+        beside: dict[int, set[int]] = {}
+        for a, b in np.unique(self.group[touching], axis=0).tolist():
+            beside.setdefault(a, set()).add(b)
+            beside.setdefault(b, set()).add(a)
+        taken: set[int] = set()
+        nodes = self._by_points()
+        for node in nodes[wanted[nodes]].tolist():
+            group = int(self.group[node])
+            if group not in taken and not taken & beside.get(group, set()):
+                taken.add(group)
+        self.chosen |= np.isin(self.group, list(taken))
+
+    def most_points(self) -> IntArray:
+        """Return a node of the group with most points, (1,); none without nodes."""
+        return self._by_points()[:1]
+
+    def _by_points(self) -> IntArray:
+        """Return all nodes, those of groups with most points first; of equals the one that begins farther north, then west."""
         first = np.full(len(self.group), np.iinfo(np.int64).max)
-        np.add.at(cells, self.group, np.concatenate([t.cells for t in self.tables]))
-        np.add.at(points, self.group, np.concatenate([t.points for t in self.tables]))
-        np.minimum.at(first, self.group, np.concatenate([t.first for t in self.tables]))
-        nodes = np.flatnonzero(~np.isin(place, apart_from) & (cells[self.group] >= least))
-        group = self.group[nodes]
-        order = np.lexsort((first[group], -points[group], place[nodes]))
-        _, begin = np.unique(place[nodes][order], return_index=True)
-        return nodes[order][begin]
+        np.minimum.at(first, self.group, np.concatenate([_NO_NODES, *(t.first for t in self.tables)]))
+        points = self._sums("points")
+        return np.lexsort((first[self.group], -points[self.group]))
+
+    def _sums(self, name: str) -> IntArray:
+        """Return the sum of a column of the tables over each group, (n,) int64: groups count up to the number of nodes."""
+        total = np.zeros(len(self.group), dtype=np.int64)
+        np.add.at(total, self.group, np.concatenate([_NO_NODES, *(getattr(t, name) for t in self.tables)]))
+        return total
 
     def chosen_labels(self, i: int) -> AnyArray:
         """Return the chosen labels of window i."""

@@ -10,9 +10,13 @@ from scipy.sparse.csgraph import connected_components
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import regions as kernels
+from linework.surface.bare_earth import bare_cells, bare_halo
 from linework.surface.cells import CellWindow, block_of, drops_of_cells
 from linework.surface.config import RoadConfig
 from linework.surface.heights import SLOPE_HALO, smooth_slopes
+
+#: Least area of a road where no path leads over it: larger than the roof of a lorry, or a few cells of a wire. [m2]
+MIN_ROAD_M2 = 25.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +28,8 @@ class CellRegions:
     height, slope_east, slope_north
         (n_rows, n_cols) float32 [m, m/m]; slopes are NaN where the surface is rough.
     road, ground
-        (n_rows, n_cols) int32 labels; 0: rough (road), no point (ground). Regions near the edge of the window, which may
-        continue beyond it, come first.
+        (n_rows, n_cols) int32 labels; 0: rough (road), no point or a steep edge (ground). Regions near the edge of the
+        window, which may continue beyond it, come first.
     """
 
     window: CellWindow
@@ -44,8 +48,8 @@ class LabelTable:
     ----------
     labels
         (n,) int32, ascending: 1 to `n_border`, and others.
-    cells, points
-        (n,) int64 number of cells of the region, and of points in them.
+    cells, points, bare
+        (n,) int64 number of cells of the region, of points in them, and of cells that the openings take for earth.
     first
         (n,) int64 code of the region's first cell in row order; the same in every window.
     island
@@ -56,6 +60,7 @@ class LabelTable:
     labels: AnyArray
     cells: IntArray
     points: IntArray
+    bare: IntArray
     first: IntArray
     island: AnyArray
 
@@ -66,8 +71,12 @@ class RegionFacts:
 
     Parameters
     ----------
+    bare
+        (b,) int32 ground labels that are ground and not in the table: whole within the window.
     pairs
         (k, 2) int32 road label of the table, and a ground label that shares cells with it.
+    touching
+        (t, 2) int32 road labels of the table that lie beside each other, with at most one cell between them.
     seeds
         (s,) int32 road labels of cells near the path; `drops` (s, 2) float32: smallest and
         largest depth of the cells below the path. [m]
@@ -75,9 +84,25 @@ class RegionFacts:
 
     road: LabelTable
     ground: LabelTable
+    bare: AnyArray
     pairs: AnyArray
+    touching: AnyArray
     seeds: AnyArray
     drops: Float32Array
+
+
+def region_halo(config: RoadConfig) -> int:
+    """Return the width of the halo around a window on which its regions depend. [cells]."""
+    return max(SLOPE_HALO, bare_halo(config))
+
+
+def is_bare(bare: IntArray, cells: IntArray) -> BoolArray:
+    """Return which regions are ground, by the number of their bare cells and of all, (n,) bool.
+
+    >>> is_bare(np.array([2, 2]), np.array([3, 9])).tolist()
+    [True, False]
+    """
+    return np.asarray(2 * bare >= cells)
 
 
 def cell_regions(
@@ -96,7 +121,7 @@ def cell_regions(
     Parameters
     ----------
     height
-        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32, with a halo. [m]
+        (n_rows + 2 h, n_cols + 2 h) float32, with a halo of h = `region_halo`. [m]
     spread, count
         (n_rows, n_cols) float32 [m] and int32.
     path
@@ -108,29 +133,52 @@ def cell_regions(
     z0_m
         Local height origin. [m, world]
     """
-    cell = config.cell_m
-    smooth, east, north = smooth_slopes(height, spread, rough_limit_m, config)
-    height = np.ascontiguousarray(height[SLOPE_HALO:-SLOPE_HALO, SLOPE_HALO:-SLOPE_HALO])
-    known = ~np.isnan(height)
+    cell, halo = config.cell_m, region_halo(config)
+    near = slice(halo - SLOPE_HALO, SLOPE_HALO - halo or None)
+    smooth, east, north = smooth_slopes(
+        np.ascontiguousarray(height[near, near]), spread, rough_limit_m, config
+    )
+    earth, gentle = bare_cells(window, height, config, halo)
+    height = np.ascontiguousarray(height[halo:-halo, halo:-halo])
     road, n_road, first_road = kernels.label_regions(
         height, east, north, smooth, cell, config.max_step_m, False
     )
     ground, n_ground, first_ground = kernels.label_regions(
-        height, east, north, known, cell, config.ground_step_m, True
+        height, east, north, gentle, cell, config.ground_step_m, True
     )
     cells, drops = drops_of_cells(path, window, height, smooth, z0_m, cell)
     seeds = road.ravel()[cells]
-    roads = _table(window, road, n_road, first_road, count, islands, cell, np.unique(seeds))
-    # Only the ground of roads that may be chosen is needed
+    counts = count, earth.astype(np.int32)
+    large = kernels.sizes_of_labels(road, count, len(first_road))[0] * cell**2 >= MIN_ROAD_M2
+    wanted = np.union1d(seeds, np.flatnonzero(large) + 1)
+    roads = _table(window, road, n_road, first_road, counts, islands, cell, wanted)
+    # Of the ground inside the window only that of roads that may be chosen is needed: the rest is decided here
     listed = np.zeros(len(first_road) + 1, dtype=bool)
     listed[roads.labels] = True
-    on = listed[road]
+    on = listed[road] & (ground > 0)
     pairs = np.unique((road[on].astype(np.int64) << 32) | ground[on])
     pairs = np.stack([pairs >> 32, pairs & 0xFFFFFFFF], axis=-1).astype(np.int32)
-    grounds = _table(window, ground, n_ground, first_ground, count, islands, cell, np.unique(pairs[:, 1]))
+    grounds = _table(window, ground, n_ground, first_ground, counts, islands, cell, np.unique(pairs[:, 1]))
+    n_cells, n_bare = kernels.sizes_of_labels(ground, counts[1], len(first_ground))
+    own = np.setdiff1d(np.flatnonzero(is_bare(n_bare, n_cells)) + 1, grounds.labels).astype(np.int32)
     return CellRegions(window, height, east, north, road, ground), RegionFacts(
-        roads, grounds, pairs, seeds, drops
+        roads, grounds, own, pairs, _touching(np.where(listed[road], road, 0)), seeds, drops
     )
+
+
+def _touching(labels: AnyArray) -> AnyArray:
+    """Return the pairs of labels (n_rows, n_cols) in the same row or column, next to each other or but one, (n, 2) int32."""
+    found = []
+    for plane in (labels, labels.T):
+        found += [_different(plane[:, :-n], plane[:, n:]) for n in (1, 2)]
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _different(one: AnyArray, other: AnyArray) -> AnyArray:
+    """Return the pairs of labels that differ, the smaller one first, (n, 2) int32."""
+    at = (one != other) & (one > 0) & (other > 0)
+    pairs = np.sort(np.stack([one[at], other[at]], axis=-1), axis=1)
+    return np.unique(pairs, axis=0).astype(np.int32)
 
 
 def _table(
@@ -138,13 +186,16 @@ def _table(
     labels: AnyArray,
     n_border: int,
     first: AnyArray,
-    count: AnyArray,
+    counts: tuple[AnyArray, AnyArray],
     islands: Islands,
     cell_m: float,
     wanted: AnyArray,
 ) -> LabelTable:
-    """Return the table of labels near the edge, wanted ones, and the one with the most points of each island."""
-    cells, points = kernels.sizes_of_labels(labels, count, len(first))
+    """Return the table of labels near the edge, wanted ones, and the one with the most points of each island.
+
+    `counts` are the points of each cell, and 1 for each earth cell.
+    """
+    (cells, points), (_, bare) = (kernels.sizes_of_labels(labels, count, len(first)) for count in counts)
     north = window.north - 1 - first // window.n_cols
     east = window.west + first % window.n_cols
     place = (-north.astype(np.int64) << 32) + east
@@ -156,7 +207,8 @@ def _table(
         most = of_it[points[of_it] == points[of_it].max()]
         chosen.append(most[[np.argmin(place[most])]] + 1)
     kept = np.unique(np.concatenate(chosen)).astype(np.int32)
-    return LabelTable(n_border, kept, cells[kept - 1], points[kept - 1], place[kept - 1], island[kept - 1])
+    at = kept - 1
+    return LabelTable(n_border, kept, cells[at], points[at], bare[at], place[at], island[at])
 
 
 def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:
@@ -166,16 +218,20 @@ def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:
     return np.asarray(kernels.with_labels(labels, table))
 
 
-def links_east(west: CellRegions, east: CellRegions, config: RoadConfig) -> tuple[AnyArray, AnyArray]:
-    """Return the pairs of labels of road and of ground that are connected across an edge, (n, 2) int32 each.
+def links_east(
+    west: CellRegions, east: CellRegions, config: RoadConfig
+) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Return the pairs of labels of road and of ground that are connected across an edge, and of roads that only touch.
 
-    Only the two columns on either side of the edge are used: windows may be cropped to them.
+    Only the two columns on either side of the edge are used: windows may be cropped to them. Each is (n, 2) int32.
     """
     a, b = (slice(None), slice(-2, None)), (slice(None), slice(0, 2))
     return _links(west, east, a, b, west.slope_east[a], east.slope_east[b], config, turned=False)
 
 
-def links_south(north: CellRegions, south: CellRegions, config: RoadConfig) -> tuple[AnyArray, AnyArray]:
+def links_south(
+    north: CellRegions, south: CellRegions, config: RoadConfig
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Return the same as `links_east` for windows one north of the other."""
     a, b = (slice(-2, None), slice(None)), (slice(0, 2), slice(None))
     return _links(north, south, a, b, -north.slope_north[a], -south.slope_north[b], config, turned=True)
@@ -191,23 +247,28 @@ def _links(
     config: RoadConfig,
     *,
     turned: bool,
-) -> tuple[AnyArray, AnyArray]:
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     def strip(values: AnyArray) -> AnyArray:
         return np.ascontiguousarray(values.T if turned else values)
 
     heights = strip(one.height[a]), strip(other.height[b])
     slopes = strip(slope_a), strip(slope_b)
     level = np.zeros_like(slopes[0])
+    roads = strip(one.road[a]), strip(other.road[b])
     found = []
     for labels, slope, step in (
-        ((strip(one.road[a]), strip(other.road[b])), slopes, config.max_step_m),
+        (roads, slopes, config.max_step_m),
         ((strip(one.ground[a]), strip(other.ground[b])), (level, level), config.ground_step_m),
     ):
         links = kernels.links_across(
             heights[0], slope[0], labels[0], heights[1], slope[1], labels[1], config.cell_m, step
         )
         found.append(np.unique(links, axis=0))
-    return found[0], found[1]
+    beside = np.concatenate(
+        [np.stack([roads[0][:, i], roads[1][:, j]], axis=-1) for i, j in ((1, 0), (0, 0), (1, 1))]
+    )
+    beside = np.unique(beside[(beside > 0).all(axis=1)], axis=0).astype(np.int32)
+    return found[0], found[1], beside
 
 
 # Islands: recorded areas that are not connected; each has a road of its own

@@ -5,9 +5,10 @@ and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) witho
 
 1. the lowest supported height of every cell: stray points below the ground are isolated;
 2. the mean of the layer above it, and its spread (roughness);
-3. the road grows from under the trajectory (without one: from the largest smooth low surface) over
+3. the ground is where the bare earth shows, road or no road: verges, banks, pavements, fields, not roofs
+   (`linework.surface.bare_earth`);
+4. the road grows from under the trajectory (without one: every large smooth piece of the ground is road) over
    cells that continue the local slope; a kerb is a step that the slope does not explain;
-4. the ground grows from the road with looser limits: verges, banks, pavements, not roofs;
 5. beyond the road its surface is extended from the nearest edge, and blended into the ground.
 
 `find_ground` does this for points in memory; `linework.runs.opened.surface` does the same tile by tile.
@@ -23,20 +24,18 @@ from linework.kernels.cells import surface as kernels
 from linework.model.ground import Ground as Ground
 from linework.model.points import Points, refuse_unusable
 from linework.model.trajectory import Trajectory
-from linework.surface import apart
-from linework.surface.carry import CoarseGround, extended_surface, halo_cells, reach_cells
+from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import CellWindow, path_samples
 from linework.surface.choose import Choice
 from linework.surface.config import RoadConfig as RoadConfig
 from linework.surface.heights import (
-    SLOPE_HALO,
     CellHeights,
     cell_heights,
     count_spreads,
     height_origin,
     rough_limit_m,
 )
-from linework.surface.regions import CellRegions, Islands, cell_regions, cells_with
+from linework.surface.regions import Islands, cell_regions, cells_with, region_halo
 
 
 def find_ground(
@@ -49,7 +48,7 @@ def find_ground(
     points
         In any order; only their positions matter.
     trajectory
-        Path of the vehicle: the road is below it. None: the region of smooth cells with most points is the road.
+        Path of the vehicle: the road is below it. None: all large regions of smooth ground are road.
     config
         Settings; None: the defaults.
 
@@ -78,7 +77,7 @@ def find_ground(
     # Regions that continue the slope, and looser ones
     regions, facts = cell_regions(
         window,
-        _with_halo(heights.height, SLOPE_HALO),
+        _with_halo(heights.height, region_halo(config)),
         heights.spread,
         heights.count,
         path_samples(trajectory, config.cell_m),
@@ -87,24 +86,23 @@ def find_ground(
         z0_m,
         config,
     )
-    # The road is under the van; the ground is connected to it, or a level piece isolated from it
+    # The road is under the van; the ground is bare earth, and what roads lie on
     choice = Choice([facts], [], config.cell_m)
     is_road = cells_with(regions.road, choice.road_labels(0))
-    is_ground = cells_with(regions.ground, choice.ground_labels(0))
+    is_ground = is_road | cells_with(regions.ground, choice.ground_labels(0))
     coarse = CoarseGround.of(window, regions.height, is_ground, config.cell_m)
-    choice.add_ground(0, _ground_apart(regions, is_ground, config))
-    is_ground = cells_with(regions.ground, choice.ground_labels(0))
     # Beyond its edge the road is extended, and blended into the ground
     halo = halo_cells(config)
-    road_m, ground_m = extended_surface(
+    road_m, ground_m, sigma_m = extended_surface(
         window,
         _with_halo(regions.height, halo),
+        heights.spread,
         _with_halo(is_road, halo),
         _with_halo(is_ground, halo),
         coarse,
         config,
     )
-    return Ground(window.grid(config.cell_m), z0_m, road_m, ground_m, is_road, is_ground)
+    return Ground(window.grid(config.cell_m), z0_m, road_m, ground_m, is_road, is_ground, sigma_m)
 
 
 def height_above_road(surface: Ground, xyz: FloatArray) -> Float32Array:
@@ -161,22 +159,6 @@ def _islands(heights: CellHeights, cell_m: float) -> Islands:
     r, c = np.nonzero(heights.count)
     code = np.unique((rows[r] - rows[-1]) << 32 | (cols[c] - cols[0]))
     return Islands.of(np.stack([(code & 0xFFFFFFFF) + cols[0], (code >> 32) + rows[-1]], axis=-1))
-
-
-def _ground_apart(regions: CellRegions, is_ground: BoolArray, config: RoadConfig) -> AnyArray:
-    """Return the labels of ground regions that gaps in the data separate from the rest."""
-    candidates = _with_halo((regions.road > 0) & ~is_ground, apart.OPENING_HALO)
-    labels, *counts = apart.smooth_pieces(candidates)
-    reach = reach_cells(config)
-    pieces = apart.describe_pieces(
-        labels,
-        (counts[0], counts[1]),
-        regions.ground,
-        _with_halo(regions.height, reach),
-        _with_halo(is_ground, reach),
-        config,
-    )
-    return apart.ground_of_pieces([pieces], [], config.cell_m)[0]
 
 
 def _with_halo(values: AnyArray, n: int) -> AnyArray:

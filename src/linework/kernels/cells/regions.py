@@ -250,21 +250,6 @@ def drops_below(
 
 
 @njit(cache=True, nogil=True)
-def opened(mask: BoolArray) -> BoolArray:
-    """Return the morphological opening of a mask (rows, cols) bool by 3 x 3 cells; cells beyond the edge are unset."""
-    n_rows, n_cols = mask.shape
-    out = np.zeros((n_rows, n_cols), dtype=np.bool_)
-    for r in range(1, n_rows - 1):
-        run = 0
-        for c in range(n_cols):
-            run = run + 1 if mask[r - 1, c] and mask[r, c] and mask[r + 1, c] else 0
-            if run >= 3:
-                for rr in range(r - 1, r + 2):
-                    out[rr, c - 2] = out[rr, c - 1] = out[rr, c] = True
-    return out
-
-
-@njit(cache=True, nogil=True)
 def with_labels(labels: Int32Array, chosen: BoolArray) -> BoolArray:
     """Return which cells have a chosen label, bool of the shape of `labels`; `chosen` (n,) bool is indexed by label."""
     out = np.zeros(labels.shape, dtype=np.bool_)

@@ -133,7 +133,7 @@ def _surface_of_piece(surface: Ground, east: int, north: int) -> Ground:
     part = np.ix_(rows, cols)
     return Ground(
         grid, surface.z0_m, surface.road_m[part], surface.ground_m[part], surface.is_road[part],
-        surface.is_ground[part],
+        surface.is_ground[part], surface.sigma[part],
     )  # fmt: skip
 
 

@@ -94,7 +94,8 @@ def find_own_ground(task: OwnGroundTask) -> CoarseGround:
             )
     own = ground.on_grid(window.grid(cell_m), surface.z0_m)
     kind = passes.kind_of(own.is_road, own.is_ground | own.is_road)
-    surface.tiles.write(passes.SURFACE, surface.tile, own.road_m, own.ground_m, kind)
+    sigma = passes.packed_sigma(own.sigma)
+    surface.tiles.write(passes.SURFACE, surface.tile, own.road_m, own.ground_m, kind, sigma)
     return CoarseGround.of(window, own.ground_m, np.isfinite(own.ground_m), cell_m)
 
 

@@ -38,7 +38,6 @@ from linework.runs.opened.own_ground import OwnGroundTask, find_own_ground
 from linework.runs.opened.surface_cost import check_surface_cost, surface_cost, tiles_with_points
 from linework.runs.own import GroundFinder, error_of_fault
 from linework.runs.steps import Advance
-from linework.surface.apart import ground_of_pieces, touching
 from linework.surface.carry import CoarseGround, halo_cells
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow, path_samples
 from linework.surface.choose import Choice, RegionLink
@@ -47,7 +46,7 @@ from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 
 #: Version of the arrays on disk: surfaces of another version are made again.
-_VERSION = 2
+_VERSION = 3
 #: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
 SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
@@ -137,7 +136,8 @@ class SurveySurface:
         window = CellWindow.over(bounds, self.cell_m)
         road_m = np.full(window.shape, np.nan, dtype=np.float32)
         ground_m, kind = road_m.copy(), np.zeros(window.shape, dtype=np.uint8)
-        out: tuple[AnyArray, ...] = road_m, ground_m, kind
+        sigma = np.full(window.shape, passes.NOT_KNOWN, dtype=np.uint16)
+        out: tuple[AnyArray, ...] = road_m, ground_m, kind, sigma
         for tile in self.tiles.touching(window):
             at = self.tiles.place(tile, window)
             if tile in self.known:
@@ -146,7 +146,14 @@ class SurveySurface:
             elif tile not in self.failed:
                 shared = self.tiles.window(tile).common(window)
                 road_m[at] = ground_m[at] = self._far(shared) if shared else np.nan
-        return Ground(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
+        return Ground(
+            window.grid(self.cell_m),
+            self.z0_m,
+            road_m,
+            ground_m,
+            *passes.is_kind(kind),
+            passes.unpacked_sigma(sigma),
+        )
 
     def _far(self, window: CellWindow) -> AnyArray:
         """Return the ground in cells far from any ground: the height of the nearest block that has ground."""
@@ -200,7 +207,7 @@ def make_surface(
     store
         The survey's points.
     trajectory
-        Path of the vehicle; None: in each separate part of the survey, the region with most points is the road.
+        Path of the vehicle; None: every large smooth region of bare earth is road.
     folder
         For the surface alone: other files in it may be removed.
     executor
@@ -291,11 +298,10 @@ class _Making:
         facts = self._run(1, passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
         names = sorted(facts)
         choice = Choice([facts.pop(name) for name in names], self._links(names), self._config.cell_m)
-        # The road is under the van; the ground is what is connected to it, and level pieces apart from it
-        self._write_chosen(names, choice)
-        receipts = self._run(2, passes.find_isolated_pieces, names)
-        self._add_ground(names, choice, receipts)
-        coarse = CoarseGround.added(*(receipt.coarse for receipt in receipts.values()))
+        # The road is under the van; the ground is bare earth, and what roads lie on
+        for i, name in enumerate(names):
+            self._tiles.write(passes.CHOSEN, name, choice.road_labels(i), choice.ground_labels(i))
+        coarse = CoarseGround.added(*self._run(2, passes.coarse_heights, names).values())
         self._tiles.write_common(passes.COARSE, coarse.blocks, coarse.total, coarse.cells)
         # Beyond its edge the road is carried on, and gives way to the ground
         has = self._run(
@@ -368,35 +374,6 @@ class _Making:
                     two = passes.edge_cells(self._tiles, names[other], side[1])
                     links.append(RegionLink(i, other, *find(one, two, self._config)))
         return links
-
-    def _write_chosen(self, names: Sequence[TileNumber], choice: Choice) -> None:
-        for i, name in enumerate(names):
-            self._tiles.write(passes.CHOSEN, name, choice.road_labels(i), choice.ground_labels(i))
-
-    def _add_ground(
-        self,
-        names: Sequence[TileNumber],
-        choice: Choice,
-        receipts: Mapping[TileNumber, passes.IsolatedReceipt],
-    ) -> None:
-        """Add pieces that are level with the ground beyond holes in the data to the ground."""
-        with_pieces = [name for name in names if name in receipts and receipts[name].pieces]
-        number = {name: i for i, name in enumerate(with_pieces)}
-        pieces = [p for p in (receipts[name].pieces for name in with_pieces) if p]
-        links = []
-        for (east, north), i in number.items():
-            for other, below in (
-                (number.get((east + 1, north)), False),
-                (number.get((east, north - 1)), True),
-            ):
-                if other is not None:
-                    links.append((i, other, touching(pieces[i], pieces[other], below=below)))
-        if pieces:
-            for name, labels in zip(
-                with_pieces, ground_of_pieces(pieces, links, self._config.cell_m), strict=True
-            ):
-                choice.add_ground(names.index(name), labels)
-            self._write_chosen(names, choice)
 
 
 def _height_origin(

@@ -23,8 +23,9 @@ from linework.model.grid import Bounds
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
 
-#: Bytes of a cell in each plane: height, spread and number of points; two labels; road, ground and kind.
-_CELLS, _LABELS, _SURFACE = (4, 4, 4), (4, 4), (4, 4, 1)
+#: Bytes of a cell in each plane: height, spread and number of points; two labels; road, ground, kind and
+#: sigma.
+_CELLS, _LABELS, _SURFACE = (4, 4, 4), (4, 4), (4, 4, 1, 2)
 #: Bytes of a cell along an edge, and cells of all edges in sides of a tile: two cells deep.
 _EDGE_BYTES, _EDGE_SIDES = 20, 8
 #: Stretches of a row of the surface that one cell with points adds: its own, and the crease that averages

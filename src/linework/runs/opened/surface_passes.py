@@ -2,7 +2,7 @@
 
 Separate from `surface`, which decides for the whole survey: these run in worker processes, a tile at a time.
 
-heights -> regions -> (regions are united and chosen) -> pieces apart -> (chosen) -> carried on
+heights -> regions -> (regions are united and chosen) -> coarse heights -> carried on
 """
 
 from __future__ import annotations
@@ -16,17 +16,16 @@ from typing import Protocol
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.files.store.cell_tiles import SurfaceTiles, TileNumber
 from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.points import Points
-from linework.surface import apart
-from linework.surface.carry import CoarseGround, extended_surface, halo_cells, reach_cells
+from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
-from linework.surface.heights import SLOPE_HALO, cell_heights, count_spreads
-from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with
+from linework.surface.heights import cell_heights, count_spreads
+from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with, region_halo
 
 #: Samples of the path in each box by which it is looked up: 256 m of path. [samples]
 PATH_BOX = 1024
@@ -35,7 +34,9 @@ PATH_BOX = 1024
 CELLS, LABEL_ARRAY, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
 PATH, ISLANDS = "path", "islands"
-#: Arrays that stay: road, ground and kind of the cells; coarse ground.
+#: Sigma of a ground that is not known, in a tile's surface.
+NOT_KNOWN = 65535
+#: Arrays that stay: road, ground, kind and sigma of the cells; coarse ground.
 SURFACE, COARSE = "surface", "coarse"
 #: Index of road and of ground in arrays that hold both.
 _ROAD, _GROUND = 0, 1
@@ -126,7 +127,7 @@ def find_regions(task: SurfaceTileTask) -> RegionFacts:
     _, spread, count = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
         window,
-        tiles.over(CELLS, 0, window.grown(SLOPE_HALO), np.float32(np.nan)),
+        tiles.over(CELLS, 0, window.grown(region_halo(config)), np.float32(np.nan)),
         spread,
         count,
         _path_near(tiles, window.bounds(config.cell_m)),
@@ -174,53 +175,41 @@ def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
     return np.concatenate([np.zeros((0, 3)), *parts])
 
 
-@dataclass(frozen=True, slots=True)
-class IsolatedReceipt:
-    """Smooth pieces of a tile (None: it has none), and its ground in blocks of 64 m."""
-
-    pieces: apart.IsolatedPieces | None
-    coarse: CoarseGround
-
-
-def find_isolated_pieces(task: SurfaceTileTask) -> IsolatedReceipt:
-    """Return a description of a tile's pieces that holes in the data may separate from the ground."""
-    tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    height, *_ = tiles.read(CELLS, task.tile)
-    _, ground = tiles.read(LABEL_ARRAY, task.tile)
-    around = window.grown(apart.OPENING_HALO)
-    is_ground = _cells_of(tiles, _GROUND, around)
-    inner = np.ascontiguousarray(is_ground[around.part(window)])
-    coarse = CoarseGround.of(window, height, inner, config.cell_m)
-    smooth = tiles.over(LABEL_ARRAY, _ROAD, around, np.int32(0)) > 0
-    found, n_border, n = apart.smooth_pieces(smooth & ~is_ground)
-    if n == 0:
-        return IsolatedReceipt(None, coarse)
-    around = window.grown(reach_cells(config))
-    pieces = apart.describe_pieces(
-        found,
-        (n_border, n),
-        ground,
-        tiles.over(CELLS, 0, around, np.float32(np.nan)),
-        _cells_of(tiles, _GROUND, around),
-        config,
-    )
-    return IsolatedReceipt(pieces, coarse)
+def coarse_heights(task: SurfaceTileTask) -> CoarseGround:
+    """Return the mean heights of a tile's ground in blocks of 64 m."""
+    height, *_ = task.tiles.read(CELLS, task.tile)
+    window = task.tiles.window(task.tile)
+    return CoarseGround.of(window, height, _ground_cells(task.tiles, window), task.config.cell_m)
 
 
 def extend_tile_surface(task: SurfaceTileTask) -> bool:
     """Write road and ground of a tile; return False if there is neither nearby."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     around = window.grown(halo_cells(config))
-    is_ground = _cells_of(tiles, _GROUND, around)
+    is_ground = _ground_cells(tiles, around)
     if not is_ground.any():
         return False
     is_road = _cells_of(tiles, _ROAD, around)
     height = tiles.over(CELLS, 0, around, np.float32(np.nan))
     coarse = CoarseGround(*tiles.read_common(COARSE))
-    road_m, ground_m = extended_surface(window, height, is_road, is_ground, coarse, config)
+    spread = tiles.over(CELLS, 1, window, np.float32(np.nan))
+    road_m, ground_m, sigma_m = extended_surface(window, height, spread, is_road, is_ground, coarse, config)
     inner = around.part(window)
-    tiles.write(SURFACE, task.tile, road_m, ground_m, kind_of(is_road[inner], is_ground[inner]))
+    kind = kind_of(is_road[inner], is_ground[inner])
+    tiles.write(SURFACE, task.tile, road_m, ground_m, kind, packed_sigma(sigma_m))
     return True
+
+
+def packed_sigma(sigma_m: Float32Array) -> AnyArray:
+    """Return the fourth array of a tile's surface: (rows, cols) uint16 sigma in millimetres, `NOT_KNOWN` for NaN."""
+    return np.where(np.isnan(sigma_m), NOT_KNOWN, np.rint(sigma_m * 1e3).clip(0, NOT_KNOWN - 1)).astype(
+        np.uint16
+    )
+
+
+def unpacked_sigma(sigma: AnyArray) -> Float32Array:
+    """Return the sigma [m], (rows, cols) float32, of the fourth array of a tile's surface."""
+    return np.where(sigma == NOT_KNOWN, np.float32(np.nan), sigma.astype(np.float32) / np.float32(1e3))
 
 
 def kind_of(is_road: BoolArray, is_ground: BoolArray) -> AnyArray:
@@ -232,6 +221,11 @@ def kind_of(is_road: BoolArray, is_ground: BoolArray) -> AnyArray:
 def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:
     """Return which cells are road and which are ground, from the third array of a tile's surface."""
     return (kind >> _ROAD) & 1 > 0, (kind >> _GROUND) & 1 > 0
+
+
+def _ground_cells(tiles: SurfaceTiles, window: CellWindow) -> BoolArray:
+    """Return the cells of a window that are ground: a road is, also on a bridge whose edges are steep."""
+    return _cells_of(tiles, _ROAD, window) | _cells_of(tiles, _GROUND, window)
 
 
 def _cells_of(tiles: SurfaceTiles, what: int, window: CellWindow) -> BoolArray:

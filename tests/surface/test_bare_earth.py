@@ -1,0 +1,141 @@
+"""Which cells are bare earth, and what is known of the ground between them, on small scenes."""
+
+import numpy as np
+import pytest
+
+from linework.model.points import Points
+from linework.surface.bare_earth import bare_cells, bare_halo
+from linework.surface.cells import CellWindow
+from linework.surface.config import RoadConfig
+from linework.surface.road import find_ground
+
+ORIGIN = np.array([400_000.0, 5_700_000.0, 50.0])
+
+
+def cloud(east, north, up, seed=0):
+    """Points at places, with 5 mm of noise, in a far-away frame."""
+    heights = np.asarray(up) + np.random.default_rng(seed).normal(0, 0.005, len(east))
+    return np.column_stack([east, north, heights]) + ORIGIN
+
+
+def field(width=120.0, depth=120.0, per_m2=16, seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(0, width, int(width * depth * per_m2)), rng.uniform(
+        0, depth, int(width * depth * per_m2)
+    )
+
+
+def hill(east, north):
+    return 6.0 * np.sin(east / 25.0) + 0.1 * north
+
+
+def off_by(ground, east, north, up):
+    places = cloud(east, north, np.zeros(len(east)))[:, :2]
+    return ground.height_m(places) - 50.0 - up
+
+
+def at(plane, ground, east, north):
+    rows, cols = ground.grid.to_cell(cloud(east, north, np.zeros(len(east)))[:, :2])
+    return plane[np.floor(rows).astype(int), np.floor(cols).astype(int)]
+
+
+@pytest.mark.parametrize("side_m", [4.0, 12.0, 40.0, 90.0])
+def test_a_flat_roof_of_any_size_is_not_ground(side_m):
+    east, north = field(200.0, 200.0, per_m2=8)
+    roof = (np.abs(east - 100) < side_m / 2) & (np.abs(north - 100) < side_m / 2)
+    ground = find_ground(Points(cloud(east, north, np.where(roof, 5.0, 0.0))))
+    inside = np.abs(east - 100) < side_m / 2 - 1
+    inside &= np.abs(north - 100) < side_m / 2 - 1
+    assert not at(ground.is_ground, ground, east[inside], north[inside]).any()
+    assert not at(ground.is_road, ground, east[inside], north[inside]).any()
+    assert at(ground.is_ground, ground, east[~roof], north[~roof]).mean() > 0.99
+
+
+def test_the_crest_of_a_dam_is_ground():
+    """6 m high, 9 m wide, banks of 1 in 1.5: narrower than the windows that a roof needs."""
+    east, north = field(160.0, 80.0, per_m2=20)
+    up = np.clip((18.0 - np.abs(north - 40.0) - 4.5) / 1.5, 0.0, 6.0)
+    ground = find_ground(Points(cloud(east, north, up)))
+    crest = np.abs(north - 40.0) < 4.0
+    assert at(ground.is_ground, ground, east[crest], north[crest]).all()
+    assert np.abs(off_by(ground, east[crest], north[crest], up[crest])).max() < 0.1
+
+
+def test_trees_and_shrubs_on_a_hill_are_not_ground():
+    east, north = field(per_m2=4, seed=3)
+    up = hill(east, north)
+    rng = np.random.default_rng(4)
+    leaves = rng.random(len(east)) < 0.7
+    above = np.where(leaves, rng.uniform(1.0, 18.0, len(east)), 0.0)
+    ground = find_ground(Points(cloud(east, north, up + above)))
+    error = np.abs(at(ground.ground_m, ground, east, north) + ground.z0_m - 50.0 - up)
+    measured = at(ground.is_ground, ground, east, north)
+    assert measured.mean() > 0.1
+    # The slope within a cell is part of it
+    assert np.sqrt(np.mean(error[measured] ** 2)) < 0.15
+    assert np.mean(error[at(ground.is_known, ground, east, north)] > 0.5) < 0.005
+
+
+def test_ground_below_a_lorry_is_interpolated_and_beyond_the_data_it_is_not_known():
+    east, north = field(60.0, 40.0, per_m2=40)
+    under = (np.abs(east - 30) < 6) & (np.abs(north - 20) < 1.25)
+    up = 0.05 * east - 0.02 * north
+    ground = find_ground(Points(cloud(east, north, np.where(under, 3.5, up))))
+    middle = (np.abs(east - 30) < 5) & (np.abs(north - 20) < 0.7)
+    e, n = east[middle], north[middle]
+    assert at(ground.is_interpolated, ground, e, n).all()
+    assert np.abs(off_by(ground, e, n, up[middle])).max() < 0.03
+    assert at(ground.sigma, ground, e, n).max() < 0.05
+    assert at(ground.distance_m, ground, e, n).max() == pytest.approx(1.5, abs=0.6)
+    assert np.median(ground.slope[ground.is_ground]) == pytest.approx(np.hypot(0.05, 0.02), abs=0.02)
+    beyond = find_ground(Points(np.concatenate([cloud(east, north, up), cloud([150.0], [20.0], [9.0])])))
+    far = np.linspace(80.0, 140.0, 20)
+    assert not at(beyond.is_known, beyond, far, np.full(20, 20.0)).any()
+    assert np.isfinite(beyond.ground_m).all()
+
+
+def test_pieces_of_road_that_holes_part_are_all_road_without_a_path():
+    """Four pieces with holes of 10 to 60 m; a footway behind a kerb is none of them."""
+    east, north = field(320.0, 13.0, per_m2=30)
+    hole = np.zeros(len(east), dtype=bool)
+    for start, end in ((60, 70), (120, 150), (200, 260)):
+        hole |= (east > start) & (east < end)
+    up = np.where(north > 10.0, 0.12, 0.0)
+    ground = find_ground(Points(cloud(east[~hole], north[~hole], up[~hole])))
+    road = ~hole & (north > 1) & (north < 9)
+    for start, end in ((2, 58), (72, 118), (152, 198), (262, 318)):
+        piece = road & (east > start) & (east < end)
+        assert at(ground.is_road, ground, east[piece], north[piece]).mean() > 0.98
+    footway = ~hole & (north > 11)
+    assert not at(ground.is_road, ground, east[footway], north[footway]).any()
+    assert at(ground.is_ground, ground, east[footway], north[footway]).all()
+
+
+def test_a_forest_without_a_road_has_none():
+    rng = np.random.default_rng(7)
+    n = 30_000
+    east, north = rng.uniform(0, 150, (2, n))
+    up = hill(east, north) + np.where(rng.random(n) < 0.85, rng.uniform(2.0, 20.0, n), rng.normal(0, 0.05, n))
+    ground = find_ground(Points(cloud(east, north, up)))
+    assert not ground.is_road.any()
+    assert ground.is_ground.any()
+
+
+@pytest.mark.parametrize("cell_m", [0.25, 0.5, 1.3])
+def test_bare_cells_do_not_depend_on_the_window(cell_m):
+    config = RoadConfig(cell_m=cell_m)
+    rng = np.random.default_rng(11)
+    n, halo = 700, bare_halo(config)
+    rows, cols = np.mgrid[:n, :n] * cell_m
+    height = (hill(cols, rows) + np.where(rng.random((n, n)) < 0.3, rng.uniform(0, 8, (n, n)), 0)).astype(
+        np.float32
+    )
+    height[rng.random((n, n)) < 0.2] = np.nan
+    whole = CellWindow(-37, 1009, n, n)
+    padded = np.pad(height, halo, constant_values=np.nan)
+    expected = bare_cells(whole, padded, config, halo)
+    for west, south, n_rows, n_cols in ((0, 1020, 90, 61), (-37, 1009, 50, 50), (300, 1300, 33, 128)):
+        part = CellWindow(west, south, n_rows, n_cols)
+        around = padded[whole.grown(halo).part(part.grown(halo))]
+        for one, other in zip(bare_cells(part, around, config, halo), expected, strict=True):
+            assert np.array_equal(one, other[whole.part(part)])
