@@ -14,6 +14,7 @@ from linework.runs.steps import RunSteps
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.sensors.cameras import stereo_survey
+from linework.simulation.sensors.rigs import with_scanner
 from linework.simulation.simulate import SimulatedSurvey, survey_of
 
 
@@ -24,6 +25,7 @@ def simulate(
     seed: int = 0,
     length_m: float = 200.0,
     points_per_m: float | None = None,
+    scanner: str = "default",
     images: bool = True,
     image_size: str = "1240x376",
     image_every_m: float = 3.0,
@@ -47,6 +49,11 @@ def simulate(
         Length of the drive, 40 to 5000. [m]
     points_per_m
         Approximate number of points per metre of drive; None: drawn from the seed.
+    scanner
+        What measures the road: "default" (one or two profile scanners on a van), "one", "tilted" (profile scanners whose
+        planes lean and cross by any angles), or "spinning16", "spinning32", "spinning64", "spinning128" (a lidar of that
+        many beams on a car). With another than the default, the points have the fields of a scanner's files, see
+        `open_survey` for how to read them.
     images
         False: no stereo images, which take minutes.
     image_size
@@ -61,7 +68,7 @@ def simulate(
     Raises
     ------
     UsageError
-        An unknown road or image size (the nearest is named), or a number out of its range.
+        An unknown road, scanner or image size (the nearest is named), or a number out of its range.
     OutputExistsError
         The folder is not empty, and `overwrite` is not set.
 
@@ -77,7 +84,7 @@ def simulate(
     with display_of(progress) as display:
         simulate_to(
             Path(folder), RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
         return open_survey(folder)
 
@@ -90,6 +97,7 @@ def simulate_to(
     seed: int,
     length_m: float,
     points_per_m: float | None,
+    scanner: str,
     images: bool,
     image_size: str,
     image_every_m: float,
@@ -99,6 +107,7 @@ def simulate_to(
     check_extra("simulate")
     with reserve_folder(folder, overwrite=overwrite):
         scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
+        scenario = with_scanner(scenario, scanner, points_per_m)
         cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None
         with steps.step("simulate scans"):
             survey = survey_of(scenario)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linework.arrays import FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import MachineError
 from linework.files.images.read import write_grey_png
 from linework.files.las.header import read_las_header
@@ -53,7 +53,7 @@ def write_survey_folder(
     MachineError
         The disk is full, the place is read-only, or what was written does not read back.
     """
-    parts = _per_pass(survey)
+    parts = _per_strip(survey)
 
     def write(part: Path) -> None:
         (part / "points").mkdir()
@@ -80,20 +80,18 @@ def write_survey_folder(
     publish_folder(folder, write, verify, overwrite=overwrite)
 
 
-def _per_pass(survey: SimulatedSurvey) -> list[slice]:
-    """Return the points of each pass; passes follow one another in time."""
-    assert survey.points.time_s is not None
-    starts = [p.start_time_s for p in survey.scenario.passes]
-    ends = np.append(np.searchsorted(survey.points.time_s, starts[1:]), len(survey.points))
-    return [slice(int(a), int(b)) for a, b in zip(np.append(0, ends[:-1]), ends, strict=True)]
+def _per_strip(survey: SimulatedSurvey) -> list[AnyArray]:
+    """Return the points of each pass, flight strip or station, in time order."""
+    return [np.flatnonzero(survey.strip == i) for i in range(len(survey.scenario.passes))]
 
 
 def _survey_toml(survey: SimulatedSurvey) -> str:
     scenario = survey.scenario
+    made_with = f", scanner {scenario.scanner}" if scenario.scanner != "default" else ""
     # By name: a pass that an older survey of more passes left in the folder is not taken for ours
     files = ", ".join(f'"points/pass_{i + 1}.laz"' for i in range(len(scenario.passes)))
     return f"""\
-# Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m; no real place.
+# Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m{made_with}; no real place.
 name = "simulated {scenario.kind} {scenario.seed}"
 crs = "{SIMULATED_CRS}"
 

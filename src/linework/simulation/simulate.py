@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray
 from linework.crs import parse_crs
 from linework.model.lines import LineSet
 from linework.model.points import Points
@@ -17,7 +17,9 @@ from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene, truth_lines
 from linework.simulation.sensors.drive import Drive, drive, reported_trajectory
-from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, record_points, scan
+from linework.simulation.sensors.records import record_points
+from linework.simulation.sensors.rigs import with_scanner
+from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, pulses_of, scan
 
 #: UTM zone 32 with heights of the German height system: where the made-up place is.
 SIMULATED_CRS = "EPSG:25832+7837"
@@ -39,6 +41,13 @@ class SimulatedSurvey:
         WKT2 of all of it.
     scenario
         What was drawn.
+    sweep
+        (n,) int32, one per point: its scan line (a turn or swing of the mirror; of a spinning scanner, a turn of one
+        beam), counted through the survey.
+    beam
+        (n,) int32: its laser, counted through the heads.
+    strip
+        (n,) int32: its pass, flight strip or station.
     """
 
     points: Points
@@ -46,10 +55,23 @@ class SimulatedSurvey:
     truth: LineSet
     crs: str
     scenario: Scenario
+    sweep: AnyArray
+    beam: AnyArray
+    strip: AnyArray
+
+    def take(self, index: AnyArray) -> SimulatedSurvey:
+        """Return the survey with the chosen points only; its truth, and what of it was observed, stays."""
+        chosen = {name: getattr(self, name)[index] for name in ("sweep", "beam", "strip")}
+        return replace(self, points=self.points.take(index), **chosen)
 
 
 def simulate_survey(
-    kind: str = "straight", seed: int = 0, length_m: float = 200.0, *, points_per_m: float | None = None
+    kind: str = "straight",
+    seed: int = 0,
+    length_m: float = 200.0,
+    *,
+    points_per_m: float | None = None,
+    scanner: str = "default",
 ) -> SimulatedSurvey:
     """Return the survey of one road; the same arguments give the same values to the last bit.
 
@@ -63,8 +85,11 @@ def simulate_survey(
         How far the van drives.
     points_per_m
         About how many points per metre of road to record; None: as the seed draws it.
+    scanner
+        What measures it, one of `linework.simulation.sensors.rigs.SCANNERS`.
     """
-    return survey_of(draw_scenario(kind, seed, length_m, points_per_m=points_per_m))
+    scenario = draw_scenario(kind, seed, length_m, points_per_m=points_per_m)
+    return survey_of(with_scanner(scenario, scanner, points_per_m))
 
 
 def survey_of(scenario: Scenario) -> SimulatedSurvey:
@@ -73,22 +98,23 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
     drives = drives_of(scenario)
     rng = np.random.default_rng([scenario.seed, 31])
     points: list[Points] = []
-    places: list[FloatArray] = []
-    triangles: list[AnyArray] = []
-    times: list[FloatArray] = []
+    kept: list[tuple[AnyArray, ...]] = []
     for hits in scan_passes(scenario, scene, drives):
         points.append(record_points(scenario, scene, hits, rng))
-        places.append(hits.xyz)
-        triangles.append(hits.triangle)
-        times.append(hits.time_s)
-    all_hits = np.concatenate(places), np.concatenate(triangles), np.concatenate(times)
+        kept.append((hits.xyz, hits.triangle, hits.time_s, hits.sweep, hits.beam, hits.strip))
+    xyz, triangle, time_s, *lines = (np.concatenate(column) for column in zip(*kept, strict=True))
+    order = np.argsort(time_s, kind="stable")
+    sweep, beam, strip = (column[order] for column in lines)
     crs = parse_crs(SIMULATED_CRS)
     return SimulatedSurvey(
-        points=points_by_time(points),
+        points=Points.concatenate(points).take(order),
         trajectory=reported_trajectory(drives, scenario.origin_m),
-        truth=truth_lines(scenario, scene, all_hits, crs),
+        truth=truth_lines(scenario, scene, (xyz, triangle, time_s), crs),
         crs=crs,
         scenario=scenario,
+        sweep=sweep,
+        beam=beam,
+        strip=strip,
     )
 
 
@@ -103,19 +129,15 @@ def drives_of(scenario: Scenario) -> list[Drive]:
 def scan_passes(scenario: Scenario, scene: Scene, drives: Sequence[Drive]) -> Iterator[Hits]:
     """Yield the hits of all passes and scanners in batches, without noise."""
     caster = Caster(scene)
+    first_sweep = 0
     for i, way in enumerate(drives):
-        for j, scanner in enumerate(scenario.scanners):
+        first_beam = 0
+        for j, head in enumerate(scenario.scanners):
             rng = np.random.default_rng([scenario.seed, 22, i, j])
-            for hits in scan(caster, way, scanner, scenario.sensor.max_range_m, i, rng):
+            reach = scenario.sensor.max_range_m
+            for hits in scan(
+                caster, way, head, reach, i, rng, first_sweep=first_sweep, first_beam=first_beam
+            ):
                 yield on_wire_axis(scene, hits)
-
-
-def points_by_time(parts: Sequence[Points]) -> Points:
-    """Return all points in one, by time."""
-    time = np.concatenate([p.time_s for p in parts if p.time_s is not None])
-    order = np.argsort(time, kind="stable")
-    return Points(
-        np.concatenate([p.xyz for p in parts])[order],
-        intensity=np.concatenate([p.intensity for p in parts if p.intensity is not None])[order],
-        time_s=time[order],
-    )
+            first_sweep += head.n_sweeps(pulses_of(way, head))
+            first_beam += head.n_beams

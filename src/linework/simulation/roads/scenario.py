@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from linework.simulation.roads.road import Road
+from linework.simulation.sensors.heads import Head
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,21 +187,6 @@ class Gantry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scanner:
-    """A profile scanner: position in the vehicle frame; its axis is x turned by yaw, then lowered by pitch.
-
-    `rays_per_turn` is no whole number: pulses are not locked to the mirror, so that successive turns do not
-    look in the same directions (a wire along the road would be met by every turn or by none).
-    """
-
-    position_m: tuple[float, float, float]
-    yaw_deg: float
-    pitch_deg: float
-    turns_per_s: float
-    rays_per_turn: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
     """What all scanners share.
 
@@ -268,6 +254,7 @@ class Scenario:
     length_m: float
     origin_m: tuple[float, float, float]
     layout: RoadLayout
-    scanners: tuple[Scanner, ...]
+    scanners: tuple[Head, ...]
     sensor: Sensor
     passes: tuple[Pass, ...]
+    scanner: str = "default"
