@@ -52,8 +52,9 @@ def simulate(
     scanner
         What measures the road: "default" (one or two profile scanners on a van), "one", "tilted" (profile scanners whose
         planes lean and cross by any angles), or "spinning16", "spinning32", "spinning64", "spinning128" (a lidar of that
-        many beams on a car). With another than the default, the points have the fields of a scanner's files, see
-        `open_survey` for how to read them.
+        many beams on a car), "airborne" (two overlapping flight strips) or "terrestrial" (two or three stations on
+        tripods); the last two have neither trajectory nor logs nor images. With another than the default, the points
+        have the fields of a scanner's files; `open_survey` says how to read them.
     images
         False: no stereo images, which take minutes.
     image_size
@@ -108,11 +109,13 @@ def simulate_to(
     with reserve_folder(folder, overwrite=overwrite):
         scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
         scenario = with_scanner(scenario, scanner, points_per_m)
-        cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None
+        cameras = None
+        if images and scenario.is_driven:
+            cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m)
         with steps.step("simulate scans"):
             survey = survey_of(scenario)
         with steps.step(
-            "render images" if images else "write the survey", unit="pairs" if images else ""
+            "render images" if cameras else "write the survey", unit="pairs" if cameras else ""
         ) as advance:
             write_survey_folder(survey, folder, overwrite=overwrite, cameras=cameras, advance=advance)
     return survey, len(cameras) if cameras else 0

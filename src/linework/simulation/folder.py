@@ -59,12 +59,15 @@ def write_survey_folder(
         (part / "points").mkdir()
         bits = survey.scenario.sensor.intensity_bits
         for i, index in enumerate(parts):
-            target = part / "points" / f"pass_{i + 1}.laz"
+            target = part / "points" / f"{_strip_name(survey)}_{i + 1}.laz"
             write_las(survey.points.take(index), target, crs=survey.crs, intensity_bits=bits)
-        write_trajectory(survey.trajectory, part / "trajectory.csv")
+        if survey.trajectory is not None:
+            write_trajectory(survey.trajectory, part / "trajectory.csv")
         # A layer for every kind, also where the survey has none of it
         write_lines(survey.truth, part / "truth.gpkg", kinds=KINDS)
-        settings = _survey_toml(survey) + write_logs(survey_logs(survey), part)
+        settings = _survey_toml(survey, len(parts))
+        if survey.scenario.is_driven:
+            settings += write_logs(survey_logs(survey), part)
         if cameras is not None:
             write_images(cameras, part, advance)
             seen = observed_in_images(survey.truth, cameras)
@@ -82,14 +85,22 @@ def write_survey_folder(
 
 def _per_strip(survey: SimulatedSurvey) -> list[AnyArray]:
     """Return the points of each pass, flight strip or station, in time order."""
-    return [np.flatnonzero(survey.strip == i) for i in range(len(survey.scenario.passes))]
+    scenario = survey.scenario
+    n = len(scenario.flights or scenario.stations or scenario.passes)
+    return [np.flatnonzero(survey.strip == i) for i in range(n)]
 
 
-def _survey_toml(survey: SimulatedSurvey) -> str:
+def _strip_name(survey: SimulatedSurvey) -> str:
+    scenario = survey.scenario
+    return "strip" if scenario.flights else "station" if scenario.stations else "pass"
+
+
+def _survey_toml(survey: SimulatedSurvey, n_strips: int) -> str:
     scenario = survey.scenario
     made_with = f", scanner {scenario.scanner}" if scenario.scanner != "default" else ""
     # By name: a pass that an older survey of more passes left in the folder is not taken for ours
-    files = ", ".join(f'"points/pass_{i + 1}.laz"' for i in range(len(scenario.passes)))
+    files = ", ".join(f'"points/{_strip_name(survey)}_{i + 1}.laz"' for i in range(n_strips))
+    trajectory = '\n[trajectory]\nfile = "trajectory.csv"\n' if survey.trajectory is not None else ""
     return f"""\
 # Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m{made_with}; no real place.
 name = "simulated {scenario.kind} {scenario.seed}"
@@ -100,10 +111,7 @@ epoch = "gps_adjusted"
 
 [points]
 files = [{files}]
-
-[trajectory]
-file = "trajectory.csv"
-"""
+{trajectory}"""
 
 
 # The stereo images of a simulated survey as part of its folder

@@ -16,7 +16,7 @@ from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene, truth_lines
-from linework.simulation.sensors.drive import Drive, drive, reported_trajectory
+from linework.simulation.sensors.drive import Drive, drive, flown, reported_trajectory, stood
 from linework.simulation.sensors.records import record_points
 from linework.simulation.sensors.rigs import with_scanner
 from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, pulses_of, scan
@@ -34,7 +34,7 @@ class SimulatedSurvey:
     points
         In time order; world frame.
     trajectory
-        As reported, with its pose errors.
+        As reported, with its pose errors; None for flights and stations.
     truth
         Exact lines with `observed` per vertex.
     crs
@@ -51,7 +51,7 @@ class SimulatedSurvey:
     """
 
     points: Points
-    trajectory: Trajectory
+    trajectory: Trajectory | None
     truth: LineSet
     crs: str
     scenario: Scenario
@@ -95,11 +95,11 @@ def simulate_survey(
 def survey_of(scenario: Scenario) -> SimulatedSurvey:
     """Return the survey of a scenario, as it was drawn or with parts of it replaced."""
     scene = build_scene(scenario)
-    drives = drives_of(scenario)
+    carriers = carriers_of(scenario)
     rng = np.random.default_rng([scenario.seed, 31])
     points: list[Points] = []
     kept: list[tuple[AnyArray, ...]] = []
-    for hits in scan_passes(scenario, scene, drives):
+    for hits in scan_passes(scenario, scene, carriers):
         points.append(record_points(scenario, scene, hits, rng))
         kept.append((hits.xyz, hits.triangle, hits.time_s, hits.sweep, hits.beam, hits.strip))
     xyz, triangle, time_s, *lines = (np.concatenate(column) for column in zip(*kept, strict=True))
@@ -108,7 +108,7 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
     crs = parse_crs(SIMULATED_CRS)
     return SimulatedSurvey(
         points=Points.concatenate(points).take(order),
-        trajectory=reported_trajectory(drives, scenario.origin_m),
+        trajectory=reported_trajectory(carriers, scenario.origin_m) if scenario.is_driven else None,
         truth=truth_lines(scenario, scene, (xyz, triangle, time_s), crs),
         crs=crs,
         scenario=scenario,
@@ -119,18 +119,29 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
 
 
 def drives_of(scenario: Scenario) -> list[Drive]:
-    """Return the van's true path in each pass."""
+    """Return the vehicle's true path in each pass."""
     return [
         drive(scenario.layout.road, spec, scenario.length_m, np.random.default_rng([scenario.seed, 21, i]))
         for i, spec in enumerate(scenario.passes)
     ]
 
 
-def scan_passes(scenario: Scenario, scene: Scene, drives: Sequence[Drive]) -> Iterator[Hits]:
+def carriers_of(scenario: Scenario) -> list[Drive]:
+    """Return the true poses of what carries the scanners: in each pass, on each strip or at each station."""
+    if scenario.is_driven:
+        return drives_of(scenario)
+    flights = [
+        flown(flight, np.random.default_rng([scenario.seed, 25, i]))
+        for i, flight in enumerate(scenario.flights)
+    ]
+    return flights + [stood(station) for station in scenario.stations]
+
+
+def scan_passes(scenario: Scenario, scene: Scene, carriers: Sequence[Drive]) -> Iterator[Hits]:
     """Yield the hits of all passes and scanners in batches, without noise."""
     caster = Caster(scene)
     first_sweep = 0
-    for i, way in enumerate(drives):
+    for i, way in enumerate(carriers):
         first_beam = 0
         for j, head in enumerate(scenario.scanners):
             rng = np.random.default_rng([scenario.seed, 22, i, j])

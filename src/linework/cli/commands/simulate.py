@@ -31,7 +31,8 @@ def simulate_command(
         str,
         typer.Option(
             "--scanner",
-            help="Scanner: default (one or two profile scanners), one, tilted, spinning16, spinning32, spinning64 or spinning128.",
+            help="Scanner: default (one or two profile scanners), one, tilted, spinning16, spinning32, spinning64, "
+            "spinning128, airborne or terrestrial.",
             metavar="KIND",
         ),
     ] = "default",

@@ -192,6 +192,7 @@ class Sensor:
 
     `contrast` is the reflectance of paint over asphalt; intensity goes with range to the power `-range_power`
     and with the cosine of incidence to `incidence_power`; `drift` is its slow change over the survey.
+    Stray points lie at 0.2 to 1.4 times the range of what the beam met, or off that range by `stray_m`, from and to.
     """
 
     range_noise_m: float
@@ -204,6 +205,7 @@ class Sensor:
     drift: float
     drift_period_s: float
     stray_share: float
+    stray_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,6 +216,30 @@ class Pass:
     direction: int
     speed_mps: float
     wander_m: float
+    pose_error_m: tuple[float, float, float]
+    start_time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A straight flight strip from `start_m` (local frame); the aircraft sways by `sway_rad` about its course."""
+
+    start_m: tuple[float, float, float]
+    heading_rad: float
+    length_m: float
+    speed_mps: float
+    sway_rad: float
+    pose_error_m: tuple[float, float, float]
+    start_time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Station:
+    """A scanner on a tripod at `place_m` (local frame), for as long as one scan takes."""
+
+    place_m: tuple[float, float, float]
+    yaw_rad: float
+    duration_s: float
     pose_error_m: tuple[float, float, float]
     start_time_s: float
 
@@ -247,7 +273,10 @@ class RoadLayout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """Everything a seed decides; the survey follows from it without further choices but noise."""
+    """Everything a seed decides; the survey follows from it without further choices but noise.
+
+    With `flights` or `stations`, these carry the scanners instead of the vehicle of `passes`.
+    """
 
     kind: str
     seed: int
@@ -258,3 +287,10 @@ class Scenario:
     sensor: Sensor
     passes: tuple[Pass, ...]
     scanner: str = "default"
+    flights: tuple[Flight, ...] = ()
+    stations: tuple[Station, ...] = ()
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a vehicle carries the scanners."""
+        return not (self.flights or self.stations)

@@ -16,7 +16,10 @@ _FINER = 64
 #: Bodies of vehicles in their frame: beams through them are lost. (x, y, z from; to) [m]
 BODIES: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "van": ((-1.0, -0.95, 0.25), (4.2, 0.95, 1.9)),
-    "car": ((-1.0, -0.90, 0.20), (3.5, 0.90, 1.5)),
+    # The cabin; bonnet and boot are low enough not to matter
+    "car": ((-1.0, -0.85, 0.20), (1.4, 0.85, 1.5)),
+    # The foot of a tripod hides a cone of about 30 degrees below the scanner
+    "tripod": ((-0.95, -0.95, -1.75), (0.95, 0.95, -1.65)),
 }
 
 
@@ -38,7 +41,7 @@ class Pulses:
     is_edge
         (n,) bool: last pulse of a scan line before the mirror turns back or jumps.
     is_forward
-        (n,) bool: the mirror swings to the left.
+        (n,) bool: the mirror swings from left to right.
     """
 
     direction: FloatArray
@@ -225,3 +228,89 @@ class SpinningScanner:
     def n_sweeps(self, n_pulses: int) -> int:
         """Return how many revolutions of single beams that many pulses begin."""
         return (int(n_pulses / (self.n_beams * self.columns_per_turn)) + 1) * self.n_beams
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwathScanner:
+    """A scanner that looks down from an aircraft: its mirror sweeps across the course, within `half_angle_deg`.
+
+    Parameters
+    ----------
+    oscillates
+        The mirror swings to and fro, slower at the ends; else it rotates, and every line runs from left to right.
+    lines_per_s, pulses_per_line
+        Scan lines; pulses are not locked to the mirror.
+    """
+
+    half_angle_deg: float
+    oscillates: bool
+    lines_per_s: float
+    pulses_per_line: float
+    divergence_rad: float
+    max_returns: int = 5
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    range_bias_m: tuple[float, ...] = (0.0,)
+    gain: tuple[float, ...] = (1.0,)
+    body: str = ""
+    n_beams: int = 1
+
+    @property
+    def pulses_per_s(self) -> float:
+        """Pulses [1/s]."""
+        return self.lines_per_s * self.pulses_per_line
+
+    def pulses(self, number: IntArray) -> Pulses:
+        """Return the pulses of these numbers; the scan angle is 0 downwards and negative to the left."""
+        line = np.floor(number / self.pulses_per_line).astype(np.int64)
+        share = number / self.pulses_per_line - line
+        swing = -np.cos(np.pi * share) if self.oscillates else 2.0 * share - 1.0
+        forward = (line % 2 == 0) if self.oscillates else np.ones(len(number), dtype=np.bool_)
+        angle = np.radians(self.half_angle_deg) * np.where(forward, swing, -swing)
+        return Pulses(
+            direction=np.stack([np.zeros(len(number)), -np.sin(angle), -np.cos(angle)], axis=1),
+            sweep=line,
+            beam=np.zeros(len(number), dtype=np.int64),
+            angle_deg=np.degrees(angle).astype(np.float32),
+            is_edge=np.floor((number + 1) / self.pulses_per_line).astype(np.int64) > line,
+            is_forward=forward,
+        )
+
+    def n_sweeps(self, n_pulses: int) -> int:
+        """Return how many scan lines that many pulses begin."""
+        return int(n_pulses / self.pulses_per_line) + 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationScanner:
+    """A scanner on a tripod: its mirror turns about a level axis, which turns by 180 degrees in `turns` of it."""
+
+    turns: float
+    rays_per_turn: float
+    pulses_per_s: float
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    range_bias_m: tuple[float, ...] = (0.0,)
+    gain: tuple[float, ...] = (1.0,)
+    body: str = "tripod"
+    n_beams: int = 1
+    divergence_rad: float = 0.0
+    max_returns: int = 1
+
+    def pulses(self, number: IntArray) -> Pulses:
+        """Return the pulses of these numbers; the scan angle is 0 downwards, in the turning plane of the mirror."""
+        at = number / self.rays_per_turn
+        turn = np.floor(at).astype(np.int64)
+        fall, azimuth = 2.0 * np.pi * (at - turn), np.pi * at / self.turns
+        flat = np.sin(fall)
+        never = np.zeros(len(number), dtype=np.bool_)
+        return Pulses(
+            direction=np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), -np.cos(fall)], axis=1),
+            sweep=turn,
+            beam=np.zeros(len(number), dtype=np.int64),
+            angle_deg=(np.mod(np.degrees(fall) + 180.0, 360.0) - 180.0).astype(np.float32),
+            is_edge=never,
+            is_forward=never,
+        )
+
+    def n_sweeps(self, n_pulses: int) -> int:
+        """Return how many turns of the mirror that many pulses begin."""
+        return int(n_pulses / self.rays_per_turn) + 1

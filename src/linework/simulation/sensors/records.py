@@ -21,7 +21,11 @@ def record_points(scenario: Scenario, scene: Scene, hits: Hits, rng: np.random.G
     reach = hits.range_m + bias + sensor.range_noise_m * rng.normal(size=len(hits))
     stray = rng.random(len(hits)) < sensor.stray_share
     # Rain, dust and multiple reflections: anywhere along the beam, also behind what it met (below ground)
-    reach = np.where(stray, hits.range_m * rng.uniform(0.2, 1.4, len(hits)), reach)
+    where = rng.uniform(0.2, 1.4, len(hits))
+    if sensor.stray_m is None:
+        reach = np.where(stray, hits.range_m * where, reach)
+    else:
+        reach = np.where(stray, hits.range_m + np.interp(where, (0.2, 1.4), sensor.stray_m), reach)
     xyz = hits.origin + hits.direction * reach[:, None] + hits.error_m
     rough = ROUGHNESS_M[material] * rng.normal(size=len(hits))
     is_grass = material == Material.GRASS
@@ -73,11 +77,28 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
     texture = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
     reflectance[on_ground] *= texture
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
-    layout = scenario.layout
-    cover = paint_cover(hits.chainage_offset[on_asphalt], layout.markings, scenario.seed, layout.symbols)
+    cover = _cover(scenario, hits.take(on_asphalt))
     paint = LASER_REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
     reflectance[on_asphalt] += cover * (paint - reflectance[on_asphalt])
     return reflectance
+
+
+def _cover(scenario: Scenario, hits: Hits) -> FloatArray:
+    """Return the share of each footprint on asphalt that is painted."""
+    layout = scenario.layout
+    place = hits.chainage_offset
+    wide = np.array([head.divergence_rad for head in scenario.scanners])
+    if not wide.any():
+        return paint_cover(place, layout.markings, scenario.seed, layout.symbols)
+    n_beams = np.array([head.n_beams for head in scenario.scanners])
+    radius = 0.5 * np.repeat(wide, n_beams)[hits.beam] * hits.range_m
+    cover = np.zeros(len(hits))
+    # The middle and two rings that stand for equal areas of the disk
+    steps = [(0.0, 0.0), *((r, a) for r in (0.55, 0.85) for a in np.arange(6) * np.pi / 3.0 + r)]
+    for share, around in steps:
+        off = (share * radius)[:, None] * np.array([np.cos(around), np.sin(around)])
+        cover += paint_cover(place + off, layout.markings, scenario.seed, layout.symbols)
+    return np.asarray(cover / len(steps))
 
 
 def _drift(sensor: Sensor, time_s: FloatArray) -> FloatArray:

@@ -110,6 +110,7 @@ class Caster:
         length = np.linalg.norm(normal, axis=1)
         self._normal = normal / np.maximum(length, 1e-30)[:, None]
         self._level = np.sum(self._normal * a, axis=1)
+        self._box = mesh.vertices.min(axis=0) - 1.0, mesh.vertices.max(axis=0) + 1.0
 
     def cast(
         self,
@@ -159,6 +160,10 @@ class Caster:
         slope = np.where(np.abs(slope) < 1e-6, 1e-6, slope)
         return np.asarray((self._level[triangle] - np.sum(normal * origin, axis=1)) / slope)
 
+    def may_meet(self, origin: FloatArray, direction: FloatArray) -> BoolArray:
+        """Return which beams pass through the box around the scene: most of a swath lies beside it."""
+        return _through_box(origin, direction, *self._box)
+
     def detail(
         self, xyz: FloatArray, direction: FloatArray, triangle: AnyArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -204,6 +209,14 @@ def scan(
             k, pulses = k[clear], pulses.take(clear)
         time = carrier.time_s[0] + k / head.pulses_per_s
         origin, direction = _cast_off(carrier, head, time, pulses.direction)
+        if head.divergence_rad:
+            towards = caster.may_meet(origin, direction)
+            origin, direction, time, pulses = (
+                origin[towards],
+                direction[towards],
+                time[towards],
+                pulses.take(towards),
+            )
         ray, triangle, reach = caster.cast(
             origin, _within_footprint(direction, head, rng), max_range_m, strip, rng, head.max_returns
         )
@@ -292,7 +305,10 @@ def to_local_frame(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: Fl
 
 def _meets_body(origin: FloatArray, beam: FloatArray, body: str) -> BoolArray:
     """Return which beams pass through the vehicle's body (slab test in the vehicle frame)."""
-    low, high = np.asarray(BODIES[body])
+    return _through_box(origin, beam, *np.asarray(BODIES[body]))
+
+
+def _through_box(origin: FloatArray, beam: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
     safe = np.where(np.abs(beam) < 1e-12, 1e-12, beam)
     near, far = (low - origin) / safe, (high - origin) / safe
     enter = np.max(np.minimum(near, far), axis=1)
