@@ -14,7 +14,7 @@ from linework.runs.steps import RunSteps
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.sensors.cameras import stereo_survey
-from linework.simulation.sensors.rigs import with_scanner
+from linework.simulation.sensors.rigs import equipped
 from linework.simulation.simulate import SimulatedSurvey, survey_of
 
 
@@ -26,6 +26,7 @@ def simulate(
     length_m: float = 200.0,
     points_per_m: float | None = None,
     scanner: str = "default",
+    conditions: str = "usual",
     images: bool = True,
     image_size: str = "1240x376",
     image_every_m: float = 3.0,
@@ -55,6 +56,9 @@ def simulate(
         many beams on a car), "airborne" (two overlapping flight strips) or "terrestrial" (two or three stations on
         tripods); the last two have neither trajectory nor logs nor images. With another than the default, the points
         have the fields of a scanner's files; `open_survey` says how to read them.
+    conditions
+        "hard": two passes in 3 of 4 surveys, calibration and navigation errors of up to 30 mm between them, range noise
+        to 40 mm, intensities with offset, saturation and gain steps, mirrored points and rain.
     images
         False: no stereo images, which take minutes.
     image_size
@@ -69,7 +73,7 @@ def simulate(
     Raises
     ------
     UsageError
-        An unknown road, scanner or image size (the nearest is named), or a number out of its range.
+        An unknown road, scanner, kind of conditions or image size (the nearest is named), or a number out of its range.
     OutputExistsError
         The folder is not empty, and `overwrite` is not set.
 
@@ -85,7 +89,7 @@ def simulate(
     with display_of(progress) as display:
         simulate_to(
             Path(folder), RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            scanner=scanner, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
         return open_survey(folder)
 
@@ -99,6 +103,7 @@ def simulate_to(
     length_m: float,
     points_per_m: float | None,
     scanner: str,
+    conditions: str,
     images: bool,
     image_size: str,
     image_every_m: float,
@@ -108,7 +113,7 @@ def simulate_to(
     check_extra("simulate")
     with reserve_folder(folder, overwrite=overwrite):
         scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
-        scenario = with_scanner(scenario, scanner, points_per_m)
+        scenario = equipped(scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions)
         cameras = None
         if images and scenario.is_driven:
             cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m)

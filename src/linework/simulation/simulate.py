@@ -16,9 +16,10 @@ from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene, truth_lines
+from linework.simulation.sensors.conditions import false_ranges, misplaced, wandering
 from linework.simulation.sensors.drive import Drive, drive, flown, reported_trajectory, stood
 from linework.simulation.sensors.records import record_points
-from linework.simulation.sensors.rigs import with_scanner
+from linework.simulation.sensors.rigs import equipped
 from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, pulses_of, scan
 
 #: UTM zone 32 with heights of the German height system: where the made-up place is.
@@ -72,6 +73,7 @@ def simulate_survey(
     *,
     points_per_m: float | None = None,
     scanner: str = "default",
+    conditions: str = "usual",
 ) -> SimulatedSurvey:
     """Return the survey of one road; the same arguments give the same values to the last bit.
 
@@ -87,9 +89,11 @@ def simulate_survey(
         About how many points per metre of road to record; None: as the seed draws it.
     scanner
         What measures it, one of `linework.simulation.sensors.rigs.SCANNERS`.
+    conditions
+        "usual" or "hard", see `linework.simulation.sensors.conditions`.
     """
     scenario = draw_scenario(kind, seed, length_m, points_per_m=points_per_m)
-    return survey_of(with_scanner(scenario, scanner, points_per_m))
+    return survey_of(equipped(scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions))
 
 
 def survey_of(scenario: Scenario) -> SimulatedSurvey:
@@ -98,18 +102,20 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
     carriers = carriers_of(scenario)
     rng = np.random.default_rng([scenario.seed, 31])
     points: list[Points] = []
-    kept: list[tuple[AnyArray, ...]] = []
+    met: list[tuple[AnyArray, ...]] = []
+    numbers: list[tuple[AnyArray, ...]] = []
     for hits in scan_passes(scenario, scene, carriers):
         points.append(record_points(scenario, scene, hits, rng))
-        kept.append((hits.xyz, hits.triangle, hits.time_s, hits.sweep, hits.beam, hits.strip))
-    xyz, triangle, time_s, *lines = (np.concatenate(column) for column in zip(*kept, strict=True))
+        met.append((hits.xyz, hits.triangle, hits.time_s, np.isnan(hits.false_range_m)))
+        numbers.append((hits.sweep, hits.beam, hits.strip))
+    xyz, triangle, time_s, is_true = (np.concatenate(column) for column in zip(*met, strict=True))
     order = np.argsort(time_s, kind="stable")
-    sweep, beam, strip = (column[order] for column in lines)
+    sweep, beam, strip = (np.concatenate(column)[order] for column in zip(*numbers, strict=True))
     crs = parse_crs(SIMULATED_CRS)
     return SimulatedSurvey(
         points=Points.concatenate(points).take(order),
         trajectory=reported_trajectory(carriers, scenario.origin_m) if scenario.is_driven else None,
-        truth=truth_lines(scenario, scene, (xyz, triangle, time_s), crs),
+        truth=truth_lines(scenario, scene, (xyz[is_true], triangle[is_true], time_s[is_true]), crs),
         crs=crs,
         scenario=scenario,
         sweep=sweep,
@@ -120,10 +126,11 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
 
 def drives_of(scenario: Scenario) -> list[Drive]:
     """Return the vehicle's true path in each pass."""
-    return [
+    drives = [
         drive(scenario.layout.road, spec, scenario.length_m, np.random.default_rng([scenario.seed, 21, i]))
         for i, spec in enumerate(scenario.passes)
     ]
+    return wandering(scenario, drives)
 
 
 def carriers_of(scenario: Scenario) -> list[Drive]:
@@ -134,7 +141,7 @@ def carriers_of(scenario: Scenario) -> list[Drive]:
         flown(flight, np.random.default_rng([scenario.seed, 25, i]))
         for i, flight in enumerate(scenario.flights)
     ]
-    return flights + [stood(station) for station in scenario.stations]
+    return wandering(scenario, flights + [stood(station) for station in scenario.stations])
 
 
 def scan_passes(scenario: Scenario, scene: Scene, carriers: Sequence[Drive]) -> Iterator[Hits]:
@@ -146,9 +153,14 @@ def scan_passes(scenario: Scenario, scene: Scene, carriers: Sequence[Drive]) -> 
         for j, head in enumerate(scenario.scanners):
             rng = np.random.default_rng([scenario.seed, 22, i, j])
             reach = scenario.sensor.max_range_m
-            for hits in scan(
-                caster, way, head, reach, i, rng, first_sweep=first_sweep, first_beam=first_beam
-            ):
-                yield on_wire_axis(scene, hits)
+            batches = scan(caster, way, head, reach, i, rng, first_sweep=first_sweep, first_beam=first_beam)
+            for batch in batches:
+                hits = on_wire_axis(scene, batch)
+                if scenario.conditions is None:
+                    yield hits
+                    continue
+                error = hits.error_m + misplaced(scenario.conditions, way, j, hits)
+                false = false_ranges(scenario.conditions, caster, scene, hits, i, rng)
+                yield replace(hits, error_m=error, false_range_m=false)
             first_sweep += head.n_sweeps(pulses_of(way, head))
             first_beam += head.n_beams

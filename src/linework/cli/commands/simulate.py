@@ -36,6 +36,14 @@ def simulate_command(
             metavar="KIND",
         ),
     ] = "default",
+    conditions: Annotated[
+        str,
+        typer.Option(
+            "--conditions",
+            help="usual, or hard: calibration and navigation errors, poor intensities, noise, mirrored points, rain.",
+            metavar="KIND",
+        ),
+    ] = "usual",
     no_images: Annotated[
         bool, typer.Option("--no-images", help="Skip the stereo images, which take minutes.")
     ] = False,
@@ -67,13 +75,14 @@ def simulate_command(
     with open_display(quiet=quiet or no_images) as display:
         survey, n_pairs = simulate_to(
             out, RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            scanner=scanner, images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
     kinds, counts = np.unique(survey.truth.kind, return_counts=True)
     result = {
         "survey": str(out),
         "road": road,
         "scanner": scanner,
+        "conditions": conditions,
         "seed": seed,
         "length_m": length_m,
         "n_points": len(survey.points),

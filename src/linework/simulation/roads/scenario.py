@@ -221,6 +221,37 @@ class Pass:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What goes wrong in a survey; see `linework.simulation.sensors.conditions` for how much of it is drawn.
+
+    Parameters
+    ----------
+    zero_counts
+        What the intensity of nothing is.
+    gain
+        For each beam, counted through the heads: how bright it sees things.
+    boresight_rad
+        For each head: small rotation about x, y and z of the vehicle that the calibration does not know.
+    delay_s
+        How late the times are by which points get their poses.
+    wander_m
+        Slow error of the poses of a pass: amplitude along each axis.
+    mirror_share
+        Share of the beams on cars, glass and steel that come back from what these mirror.
+    rain_share
+        Share of the beams that come back from a drop before they meet anything.
+    """
+
+    zero_counts: float
+    gain: tuple[float, ...]
+    boresight_rad: tuple[tuple[float, float, float], ...]
+    delay_s: float
+    wander_m: float
+    mirror_share: float
+    rain_share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
     """A straight flight strip from `start_m` (local frame); the aircraft sways by `sway_rad` about its course."""
 
@@ -289,6 +320,7 @@ class Scenario:
     scanner: str = "default"
     flights: tuple[Flight, ...] = ()
     stations: tuple[Station, ...] = ()
+    conditions: Conditions | None = None
 
     @property
     def is_driven(self) -> bool:

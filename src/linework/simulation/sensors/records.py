@@ -12,13 +12,21 @@ from linework.simulation.scene.paint import paint_cover, smooth_noise
 from linework.simulation.scene.part import Scene
 from linework.simulation.sensors.scanner import Hits
 
+#: How bright a mirrored return or a drop is, in relation to what the beam met.
+_FALSE_SHARE = 0.3
+
 
 def record_points(scenario: Scenario, scene: Scene, hits: Hits, rng: np.random.Generator) -> Points:
     """Return the survey's points, one per hit, world frame, in the order of `hits`."""
     sensor = scenario.sensor
     material = scene.mesh.material[hits.triangle]
     bias = np.concatenate([head.range_bias_m for head in scenario.scanners])[hits.beam]
-    reach = hits.range_m + bias + sensor.range_noise_m * rng.normal(size=len(hits))
+    is_false = np.isfinite(hits.false_range_m)
+    reach = (
+        np.where(is_false, hits.false_range_m, hits.range_m)
+        + bias
+        + sensor.range_noise_m * rng.normal(size=len(hits))
+    )
     stray = rng.random(len(hits)) < sensor.stray_share
     # Rain, dust and multiple reflections: anywhere along the beam, also behind what it met (below ground)
     where = rng.uniform(0.2, 1.4, len(hits))
@@ -63,8 +71,15 @@ def _intensity(scenario: Scenario, hits: Hits, material: AnyArray, rng: np.rando
     strength *= (hits.range_m / 10.0) ** -sensor.range_power * hits.cos_incidence**sensor.incidence_power
     strength *= _drift(sensor, hits.time_s)
     strength *= np.concatenate([head.gain for head in scenario.scanners])[hits.beam]
+    strength[np.isfinite(hits.false_range_m)] *= _FALSE_SHARE
+    zero = 0.0
+    if scenario.conditions is not None:
+        strength *= np.asarray(scenario.conditions.gain)[hits.beam]
+        zero = scenario.conditions.zero_counts
     strength *= np.maximum(1.0 + 0.07 * rng.normal(size=len(hits)), 0.1)
-    return np.floor(np.clip(strength * sensor.gain, 0.0, 2**sensor.intensity_bits - 1)).astype(np.float32)
+    return np.floor(np.clip(strength * sensor.gain + zero, 0.0, 2**sensor.intensity_bits - 1)).astype(
+        np.float32
+    )
 
 
 def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArray:

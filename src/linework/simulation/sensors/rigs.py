@@ -1,4 +1,4 @@
-"""The scanners a survey can be made with, drawn by the seed: `with_scanner` puts one into a scenario."""
+"""The scanners a survey can be made with, drawn by the seed: `equipped` puts one into a scenario."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import UsageError, argument, did_you_mean
 from linework.simulation.roads.scenario import Flight, Scenario, Station
+from linework.simulation.sensors.conditions import check_conditions, with_hard_conditions, with_second_pass
 from linework.simulation.sensors.drive import drive
 from linework.simulation.sensors.heads import Head, Scanner, SpinningScanner, StationScanner, SwathScanner
 
@@ -22,6 +23,39 @@ _MOST_LINES_PER_M = 35.0
 _CORRIDOR_M, _DENSITIES = 50.0, (0.5, 500.0)
 #: Beams per turn of a profile scanner, and columns per turn of a spinning one, at least and at most.
 _RAYS, _COLUMNS = (100.0, 20_000.0), (36.0, 4096.0)
+
+
+def equipped(
+    scenario: Scenario,
+    *,
+    scanner: str = "default",
+    points_per_m: float | None = None,
+    conditions: str = "usual",
+) -> Scenario:
+    """Return the scenario as it is measured: by which scanner, under which conditions.
+
+    Raises
+    ------
+    UsageError
+        Another scanner than `SCANNERS`, or other conditions than `SURVEY_CONDITIONS`.
+    """
+    check_conditions(conditions)
+    if conditions == "usual":
+        return with_scanner(scenario, scanner, points_per_m)
+    n_before = len(scenario.passes)
+    scenario = with_second_pass(scenario)
+    if scanner == "default" and points_per_m is not None:
+        # The wanted density is that of all passes
+        share = n_before / len(scenario.passes)
+        scenario = replace(scenario, scanners=tuple(_thinned(head, share) for head in scenario.scanners))
+    return with_hard_conditions(with_scanner(scenario, scanner, points_per_m))
+
+
+def _thinned(head: Head, share: float) -> Head:
+    """Return a profile scanner that sends this share of its pulses."""
+    assert isinstance(head, Scanner)
+    rays = max(np.floor(share * head.rays_per_turn), _RAYS[0]) + head.rays_per_turn % 1.0
+    return replace(head, rays_per_turn=float(rays))
 
 
 def with_scanner(scenario: Scenario, scanner: str, points_per_m: float | None = None) -> Scenario:
@@ -47,7 +81,8 @@ def with_scanner(scenario: Scenario, scanner: str, points_per_m: float | None = 
         raise UsageError(problem, where=argument("scanner"), advice=f"choose one of {', '.join(SCANNERS)}")
     if scanner == "default":
         return scenario
-    rng = np.random.default_rng([scenario.seed, 24, SCANNERS.index(scanner)])
+    numbers = [scenario.seed, 24, SCANNERS.index(scanner), sum(map(ord, scenario.kind))]
+    rng = np.random.default_rng(numbers)
     return replace(_RIGS[scanner](scenario, points_per_m, rng), scanner=scanner)
 
 

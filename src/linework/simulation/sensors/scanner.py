@@ -56,6 +56,8 @@ class Hits:
         (n,) bool, as in `Pulses`.
     return_number, n_returns
         (n,) uint8: which return of its pulse, from 1, of how many.
+    false_range_m
+        (n,) float64: range of a mirrored return or a drop, recorded instead; else NaN.
     """
 
     time_s: FloatArray
@@ -74,6 +76,7 @@ class Hits:
     is_forward: BoolArray
     return_number: AnyArray
     n_returns: AnyArray
+    false_range_m: FloatArray
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -160,6 +163,11 @@ class Caster:
         slope = np.where(np.abs(slope) < 1e-6, 1e-6, slope)
         return np.asarray((self._level[triangle] - np.sum(normal * origin, axis=1)) / slope)
 
+    def mirrored(self, direction: FloatArray, triangle: AnyArray) -> FloatArray:
+        """Return the directions of beams after the triangles mirror them."""
+        normal = self._normal[triangle]
+        return np.asarray(direction - 2.0 * np.sum(direction * normal, axis=1)[:, None] * normal)
+
     def may_meet(self, origin: FloatArray, direction: FloatArray) -> BoolArray:
         """Return which beams pass through the box around the scene: most of a swath lies beside it."""
         return _through_box(origin, direction, *self._box)
@@ -237,6 +245,7 @@ def scan(
             is_forward=pulses.is_forward,
             return_number=number,
             n_returns=count,
+            false_range_m=np.full(len(ray), np.nan),
         )  # fmt: skip
 
 
