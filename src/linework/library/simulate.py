@@ -27,6 +27,7 @@ def simulate(
     points_per_m: float | None = None,
     scanner: str = "default",
     conditions: str = "usual",
+    holes: bool = False,
     images: bool = True,
     image_size: str = "1240x376",
     image_every_m: float = 3.0,
@@ -59,6 +60,8 @@ def simulate(
     conditions
         "hard": two passes in 3 of 4 surveys, calibration and navigation errors of up to 30 mm between them, range noise
         to 40 mm, intensities with offset, saturation and gain steps, mirrored points and rain.
+    holes
+        True: stretches of 10 to 60 m have no points, which cut the road in pieces as long as these.
     images
         False: no stereo images, which take minutes.
     image_size
@@ -89,7 +92,7 @@ def simulate(
     with display_of(progress) as display:
         simulate_to(
             Path(folder), RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            scanner=scanner, conditions=conditions, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, holes=holes, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
         return open_survey(folder)
 
@@ -104,6 +107,7 @@ def simulate_to(
     points_per_m: float | None,
     scanner: str,
     conditions: str,
+    holes: bool,
     images: bool,
     image_size: str,
     image_every_m: float,
@@ -113,7 +117,9 @@ def simulate_to(
     check_extra("simulate")
     with reserve_folder(folder, overwrite=overwrite):
         scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
-        scenario = equipped(scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions)
+        scenario = equipped(
+            scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions, holes=holes
+        )
         cameras = None
         if images and scenario.is_driven:
             cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m)

@@ -99,6 +99,7 @@ def _survey_toml(survey: SimulatedSurvey, n_strips: int) -> str:
     scenario = survey.scenario
     made_with = f", scanner {scenario.scanner}" if scenario.scanner != "default" else ""
     made_with += ", hard conditions" if scenario.conditions is not None else ""
+    made_with += ", holes" if scenario.holes_m else ""
     # By name: a pass that an older survey of more passes left in the folder is not taken for ours
     files = ", ".join(f'"points/{_strip_name(survey)}_{i + 1}.laz"' for i in range(n_strips))
     trajectory = '\n[trajectory]\nfile = "trajectory.csv"\n' if survey.trajectory is not None else ""

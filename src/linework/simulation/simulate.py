@@ -74,6 +74,7 @@ def simulate_survey(
     points_per_m: float | None = None,
     scanner: str = "default",
     conditions: str = "usual",
+    holes: bool = False,
 ) -> SimulatedSurvey:
     """Return the survey of one road; the same arguments give the same values to the last bit.
 
@@ -91,9 +92,13 @@ def simulate_survey(
         What measures it, one of `linework.simulation.sensors.rigs.SCANNERS`.
     conditions
         "usual" or "hard", see `linework.simulation.sensors.conditions`.
+    holes
+        Leave stretches of 10 to 60 m without points, which cut the road in pieces.
     """
     scenario = draw_scenario(kind, seed, length_m, points_per_m=points_per_m)
-    return survey_of(equipped(scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions))
+    return survey_of(
+        equipped(scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions, holes=holes)
+    )
 
 
 def survey_of(scenario: Scenario) -> SimulatedSurvey:
@@ -144,6 +149,15 @@ def carriers_of(scenario: Scenario) -> list[Drive]:
     return wandering(scenario, flights + [stood(station) for station in scenario.stations])
 
 
+def delivered(scenario: Scenario, hits: Hits) -> Hits:
+    """Return the hits outside the stretches of which no points were delivered."""
+    if not scenario.holes_m:
+        return hits
+    s, _ = scenario.layout.road.alignment.locate(hits.xyz[:, :2])
+    starts, ends = np.asarray(scenario.holes_m).T
+    return hits.take(np.searchsorted(starts, s, side="right") == np.searchsorted(ends, s, side="right"))
+
+
 def scan_passes(scenario: Scenario, scene: Scene, carriers: Sequence[Drive]) -> Iterator[Hits]:
     """Yield the hits of all passes and scanners in batches, without noise."""
     caster = Caster(scene)
@@ -155,7 +169,7 @@ def scan_passes(scenario: Scenario, scene: Scene, carriers: Sequence[Drive]) -> 
             reach = scenario.sensor.max_range_m
             batches = scan(caster, way, head, reach, i, rng, first_sweep=first_sweep, first_beam=first_beam)
             for batch in batches:
-                hits = on_wire_axis(scene, batch)
+                hits = delivered(scenario, on_wire_axis(scene, batch))
                 if scenario.conditions is None:
                     yield hits
                     continue

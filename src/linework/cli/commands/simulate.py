@@ -44,6 +44,9 @@ def simulate_command(
             metavar="KIND",
         ),
     ] = "usual",
+    holes: Annotated[
+        bool, typer.Option("--holes", help="Leave stretches of 10 to 60 m without points.")
+    ] = False,
     no_images: Annotated[
         bool, typer.Option("--no-images", help="Skip the stereo images, which take minutes.")
     ] = False,
@@ -75,7 +78,7 @@ def simulate_command(
     with open_display(quiet=quiet or no_images) as display:
         survey, n_pairs = simulate_to(
             out, RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            scanner=scanner, conditions=conditions, images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, holes=holes, images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
     kinds, counts = np.unique(survey.truth.kind, return_counts=True)
     result = {
@@ -83,6 +86,7 @@ def simulate_command(
         "road": road,
         "scanner": scanner,
         "conditions": conditions,
+        "holes": holes,
         "seed": seed,
         "length_m": length_m,
         "n_points": len(survey.points),

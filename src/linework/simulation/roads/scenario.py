@@ -306,7 +306,8 @@ class RoadLayout:
 class Scenario:
     """Everything a seed decides; the survey follows from it without further choices but noise.
 
-    With `flights` or `stations`, these carry the scanners instead of the vehicle of `passes`.
+    With `flights` or `stations`, these carry the scanners instead of the vehicle of `passes`. `holes_m` are stretches,
+    from and to chainage, of which no points were delivered.
     """
 
     kind: str
@@ -321,6 +322,7 @@ class Scenario:
     flights: tuple[Flight, ...] = ()
     stations: tuple[Station, ...] = ()
     conditions: Conditions | None = None
+    holes_m: tuple[tuple[float, float], ...] = ()
 
     @property
     def is_driven(self) -> bool:

@@ -21,6 +21,8 @@ _COMES_BACK, _SPINS_BACK = 0.5, 0.4
 _MOST_LINES_PER_M = 35.0
 #: Width of the land along a road that is modelled, roughly, and least and most points of an airborne survey. [m, 1/m2]
 _CORRIDOR_M, _DENSITIES = 50.0, (0.5, 500.0)
+#: Lengths of pieces of road with points, and of those without, from and to. [m]
+_PIECE_M = (10.0, 60.0)
 #: Beams per turn of a profile scanner, and columns per turn of a spinning one, at least and at most.
 _RAYS, _COLUMNS = (100.0, 20_000.0), (36.0, 4096.0)
 
@@ -31,8 +33,20 @@ def equipped(
     scanner: str = "default",
     points_per_m: float | None = None,
     conditions: str = "usual",
+    holes: bool = False,
 ) -> Scenario:
-    """Return the scenario as it is measured: by which scanner, under which conditions.
+    """Return the scenario as it is measured: by which scanner, under which conditions, with which gaps.
+
+    Parameters
+    ----------
+    scenario
+        From `draw_scenario`, with the same `points_per_m`.
+    scanner, points_per_m
+        As for `with_scanner`.
+    conditions
+        "usual", or "hard": `with_hard_conditions`.
+    holes
+        Cut the road in pieces of 10 to 60 m by stretches of 10 to 60 m without points.
 
     Raises
     ------
@@ -40,6 +54,8 @@ def equipped(
         Another scanner than `SCANNERS`, or other conditions than `SURVEY_CONDITIONS`.
     """
     check_conditions(conditions)
+    if holes:
+        scenario = replace(scenario, holes_m=_holes(scenario))
     if conditions == "usual":
         return with_scanner(scenario, scanner, points_per_m)
     n_before = len(scenario.passes)
@@ -49,6 +65,21 @@ def equipped(
         share = n_before / len(scenario.passes)
         scenario = replace(scenario, scanners=tuple(_thinned(head, share) for head in scenario.scanners))
     return with_hard_conditions(with_scanner(scenario, scanner, points_per_m))
+
+
+def _holes(scenario: Scenario) -> tuple[tuple[float, float], ...]:
+    """Return stretches without points, and as long pieces between them; at least one where the road has room for it."""
+    rng = np.random.default_rng([scenario.seed, 28, sum(map(ord, scenario.kind))])
+    holes, at = list[tuple[float, float]](), 0.0
+    # On a short road they are short enough for one hole to fit
+    most = min(_PIECE_M[1], scenario.length_m / 3.0)
+    while True:
+        start = at + float(rng.uniform(_PIECE_M[0], most))
+        end = start + float(rng.uniform(_PIECE_M[0], most))
+        if end + _PIECE_M[0] > scenario.length_m:
+            return tuple(holes)
+        holes.append((start, end))
+        at = end
 
 
 def _thinned(head: Head, share: float) -> Head:
