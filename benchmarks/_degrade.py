@@ -31,7 +31,7 @@ def _as_drawn(survey: SimulatedSurvey) -> SimulatedSurvey:
 def _share(survey: SimulatedSurvey, share: float) -> SimulatedSurvey:
     """Keep points at random: every second one would keep every second beam of a turn in step."""
     kept = np.random.default_rng([survey.scenario.seed, 51]).random(len(survey.points)) < share
-    return replace(survey, points=survey.points.take(kept))
+    return survey.take(kept)
 
 
 def _half(survey: SimulatedSurvey) -> SimulatedSurvey:

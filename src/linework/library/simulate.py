@@ -14,6 +14,7 @@ from linework.runs.steps import RunSteps
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.sensors.cameras import stereo_survey
+from linework.simulation.sensors.rigs import equipped
 from linework.simulation.simulate import SimulatedSurvey, survey_of
 
 
@@ -24,6 +25,9 @@ def simulate(
     seed: int = 0,
     length_m: float = 200.0,
     points_per_m: float | None = None,
+    scanner: str = "default",
+    conditions: str = "usual",
+    holes: bool = False,
     images: bool = True,
     image_size: str = "1240x376",
     image_every_m: float = 3.0,
@@ -47,6 +51,17 @@ def simulate(
         Length of the drive, 40 to 5000. [m]
     points_per_m
         Approximate number of points per metre of drive; None: drawn from the seed.
+    scanner
+        What measures the road: "default" (one or two profile scanners on a van), "one", "tilted" (profile scanners whose
+        planes lean and cross by any angles), or "spinning16", "spinning32", "spinning64", "spinning128" (a lidar of that
+        many beams on a car), "airborne" (two overlapping flight strips) or "terrestrial" (two or three stations on
+        tripods); the last two have neither trajectory nor logs nor images. With another than the default, the points
+        have the fields of a scanner's files; `open_survey` says how to read them.
+    conditions
+        "hard": two passes in 3 of 4 surveys, calibration and navigation errors of up to 30 mm between them, range noise
+        to 40 mm, intensities with offset, saturation and gain steps, mirrored points and rain.
+    holes
+        True: stretches of 10 to 60 m have no points, which cut the road in pieces as long as these.
     images
         False: no stereo images, which take minutes.
     image_size
@@ -61,7 +76,7 @@ def simulate(
     Raises
     ------
     UsageError
-        An unknown road or image size (the nearest is named), or a number out of its range.
+        An unknown road, scanner, kind of conditions or image size (the nearest is named), or a number out of its range.
     OutputExistsError
         The folder is not empty, and `overwrite` is not set.
 
@@ -77,7 +92,7 @@ def simulate(
     with display_of(progress) as display:
         simulate_to(
             Path(folder), RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, holes=holes, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
         return open_survey(folder)
 
@@ -90,6 +105,9 @@ def simulate_to(
     seed: int,
     length_m: float,
     points_per_m: float | None,
+    scanner: str,
+    conditions: str,
+    holes: bool,
     images: bool,
     image_size: str,
     image_every_m: float,
@@ -99,11 +117,16 @@ def simulate_to(
     check_extra("simulate")
     with reserve_folder(folder, overwrite=overwrite):
         scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
-        cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None
+        scenario = equipped(
+            scenario, scanner=scanner, points_per_m=points_per_m, conditions=conditions, holes=holes
+        )
+        cameras = None
+        if images and scenario.is_driven:
+            cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m)
         with steps.step("simulate scans"):
             survey = survey_of(scenario)
         with steps.step(
-            "render images" if images else "write the survey", unit="pairs" if images else ""
+            "render images" if cameras else "write the survey", unit="pairs" if cameras else ""
         ) as advance:
             write_survey_folder(survey, folder, overwrite=overwrite, cameras=cameras, advance=advance)
     return survey, len(cameras) if cameras else 0

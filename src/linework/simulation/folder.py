@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linework.arrays import FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import MachineError
 from linework.files.images.read import write_grey_png
 from linework.files.las.header import read_las_header
@@ -53,18 +53,21 @@ def write_survey_folder(
     MachineError
         The disk is full, the place is read-only, or what was written does not read back.
     """
-    parts = _per_pass(survey)
+    parts = _per_strip(survey)
 
     def write(part: Path) -> None:
         (part / "points").mkdir()
         bits = survey.scenario.sensor.intensity_bits
         for i, index in enumerate(parts):
-            target = part / "points" / f"pass_{i + 1}.laz"
+            target = part / "points" / f"{_strip_name(survey)}_{i + 1}.laz"
             write_las(survey.points.take(index), target, crs=survey.crs, intensity_bits=bits)
-        write_trajectory(survey.trajectory, part / "trajectory.csv")
+        if survey.trajectory is not None:
+            write_trajectory(survey.trajectory, part / "trajectory.csv")
         # A layer for every kind, also where the survey has none of it
         write_lines(survey.truth, part / "truth.gpkg", kinds=KINDS)
-        settings = _survey_toml(survey) + write_logs(survey_logs(survey), part)
+        settings = _survey_toml(survey, len(parts))
+        if survey.scenario.is_driven:
+            settings += write_logs(survey_logs(survey), part)
         if cameras is not None:
             write_images(cameras, part, advance)
             seen = observed_in_images(survey.truth, cameras)
@@ -80,20 +83,28 @@ def write_survey_folder(
     publish_folder(folder, write, verify, overwrite=overwrite)
 
 
-def _per_pass(survey: SimulatedSurvey) -> list[slice]:
-    """Return the points of each pass; passes follow one another in time."""
-    assert survey.points.time_s is not None
-    starts = [p.start_time_s for p in survey.scenario.passes]
-    ends = np.append(np.searchsorted(survey.points.time_s, starts[1:]), len(survey.points))
-    return [slice(int(a), int(b)) for a, b in zip(np.append(0, ends[:-1]), ends, strict=True)]
-
-
-def _survey_toml(survey: SimulatedSurvey) -> str:
+def _per_strip(survey: SimulatedSurvey) -> list[AnyArray]:
+    """Return the points of each pass, flight strip or station, in time order."""
     scenario = survey.scenario
+    n = len(scenario.flights or scenario.stations or scenario.passes)
+    return [np.flatnonzero(survey.strip == i) for i in range(n)]
+
+
+def _strip_name(survey: SimulatedSurvey) -> str:
+    scenario = survey.scenario
+    return "strip" if scenario.flights else "station" if scenario.stations else "pass"
+
+
+def _survey_toml(survey: SimulatedSurvey, n_strips: int) -> str:
+    scenario = survey.scenario
+    made_with = f", scanner {scenario.scanner}" if scenario.scanner != "default" else ""
+    made_with += ", hard conditions" if scenario.conditions is not None else ""
+    made_with += ", holes" if scenario.holes_m else ""
     # By name: a pass that an older survey of more passes left in the folder is not taken for ours
-    files = ", ".join(f'"points/pass_{i + 1}.laz"' for i in range(len(scenario.passes)))
+    files = ", ".join(f'"points/{_strip_name(survey)}_{i + 1}.laz"' for i in range(n_strips))
+    trajectory = '\n[trajectory]\nfile = "trajectory.csv"\n' if survey.trajectory is not None else ""
     return f"""\
-# Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m; no real place.
+# Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m{made_with}; no real place.
 name = "simulated {scenario.kind} {scenario.seed}"
 crs = "{SIMULATED_CRS}"
 
@@ -102,10 +113,7 @@ epoch = "gps_adjusted"
 
 [points]
 files = [{files}]
-
-[trajectory]
-file = "trajectory.csv"
-"""
+{trajectory}"""
 
 
 # The stereo images of a simulated survey as part of its folder

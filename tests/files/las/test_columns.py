@@ -34,7 +34,8 @@ EXTRA = [
 ]
 SCALARS = tuple(sorted(dimension.name for dimension in EXTRA))
 STANDARD = (
-    "classification", "number_of_returns", "point_source_id", "return_number", "scan_angle", "user_data",
+    "classification", "edge_of_flight_line", "number_of_returns", "point_source_id", "return_number", "scan_angle",
+    "scan_direction_flag", "user_data",
 )  # fmt: skip
 COLOURS = ("blue", "green", "red")
 
@@ -64,8 +65,10 @@ def written(path, *, version="1.4", point_format=7, n=1200, seed=1, extra=EXTRA,
     data.classification = rng.integers(8, 16, n)
     data.return_number, data.number_of_returns = rng.integers(1, 4, n), rng.integers(3, 6, n)
     data.user_data, data.point_source_id = rng.integers(0, 256, n), rng.integers(0, 65536, n)
+    data.scan_direction_flag, data.edge_of_flight_line = rng.integers(0, 2, (2, n))
     if point_format >= 6:
         data.scan_angle = rng.integers(-30_000, 30_000, n)
+        data.scanner_channel = rng.integers(0, 4, n)
     else:
         data.scan_angle_rank = rng.integers(-90, 90, n)
     if hasattr(data, "red"):
@@ -95,7 +98,8 @@ def by_time(points, *names):
 )
 def test_every_type_reads_as_laspy_reads_it(tmp_path, name, version, point_format):
     data = written(tmp_path / name, version=version, point_format=point_format)
-    names = (*SCALARS, *STANDARD, *(COLOURS if hasattr(data, "red") else ()))
+    channel = ("scanner_channel",) if point_format >= 6 else ()
+    names = (*SCALARS, *STANDARD, *channel, *(COLOURS if hasattr(data, "red") else ()))
     survey = open_survey([tmp_path / name], crs="EPSG:25832", carry=names)
     points = read_survey_points(survey).points
     assert tuple(points.columns) == tuple(sorted(names)) == survey.carry
@@ -196,7 +200,8 @@ def test_a_name_that_no_file_has_is_refused_with_those_there_are(tmp_path):
         read_survey_points(open_survey([tmp_path / "a.laz"], crs="local", carry="p_piant"))
     assert str(caught.value) == (
         f"{tmp_path / 'a.laz'}: no column 'p_piant'; it has label, tilt, p_paint, classification, return_number,"
-        " number_of_returns, user_data, point_source_id, scan_angle. Did you mean p_paint?"
+        " number_of_returns, user_data, point_source_id, scan_angle, scan_direction_flag,"
+        " edge_of_flight_line, scanner_channel. Did you mean p_paint?"
     )
     with pytest.raises(InputError, match=r"no column 'zzz'.* Name one of these"):
         read_survey_points(open_survey([tmp_path / "a.laz"], crs="local", carry="zzz"))

@@ -27,6 +27,26 @@ def simulate_command(
             help="Approximate number of points per metre of drive; default: drawn from the seed.",
         ),
     ] = None,
+    scanner: Annotated[
+        str,
+        typer.Option(
+            "--scanner",
+            help="Scanner: default (one or two profile scanners), one, tilted, spinning16, spinning32, spinning64, "
+            "spinning128, airborne or terrestrial.",
+            metavar="KIND",
+        ),
+    ] = "default",
+    conditions: Annotated[
+        str,
+        typer.Option(
+            "--conditions",
+            help="usual, or hard: calibration and navigation errors, poor intensities, noise, mirrored points, rain.",
+            metavar="KIND",
+        ),
+    ] = "usual",
+    holes: Annotated[
+        bool, typer.Option("--holes", help="Leave stretches of 10 to 60 m without points.")
+    ] = False,
     no_images: Annotated[
         bool, typer.Option("--no-images", help="Skip the stereo images, which take minutes.")
     ] = False,
@@ -58,12 +78,15 @@ def simulate_command(
     with open_display(quiet=quiet or no_images) as display:
         survey, n_pairs = simulate_to(
             out, RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, holes=holes, images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
         )  # fmt: skip
     kinds, counts = np.unique(survey.truth.kind, return_counts=True)
     result = {
         "survey": str(out),
         "road": road,
+        "scanner": scanner,
+        "conditions": conditions,
+        "holes": holes,
         "seed": seed,
         "length_m": length_m,
         "n_points": len(survey.points),

@@ -150,6 +150,13 @@ def _standard(point_format: int) -> Iterator[LasColumn]:
         yield LasColumn("user_data", "u1", 17, layer=user)
         yield LasColumn("point_source_id", "<u2", 18, layer=source)
         yield LasColumn("scan_angle", "i1", 16, layer=angle)
+    flags = lazrs.SELECTIVE_DECOMPRESS_FLAGS
+    # A LAZ file of the old formats keeps these bits with the returns
+    flag_byte, flag_layer = (15, flags) if point_format >= 6 else (14, returns)
+    yield LasColumn("scan_direction_flag", "u1", flag_byte, shift=6, mask=1, layer=flag_layer)
+    yield LasColumn("edge_of_flight_line", "u1", flag_byte, shift=7, mask=1, layer=flag_layer)
+    if point_format >= 6:
+        yield LasColumn("scanner_channel", "u1", 15, shift=4, mask=3, layer=returns)
     if point_format in _COLOUR_BYTE:
         for i, name in enumerate(("red", "green", "blue")):
             first = _COLOUR_BYTE[point_format]

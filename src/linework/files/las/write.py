@@ -18,6 +18,12 @@ from linework.model.points import Points
 
 #: Step of the stored coordinates [m]: below a tenth of the finest scanner's range noise.
 _SCALE_M = 0.001
+#: Further columns that are fields of the format, by their largest value; scan angles, in degrees, have a step.
+_FIELDS = {
+    "classification": 255, "return_number": 15, "number_of_returns": 15, "user_data": 255, "point_source_id": 65_535,
+    "scanner_channel": 3, "scan_direction_flag": 1, "edge_of_flight_line": 1,
+}  # fmt: skip
+_SCAN_ANGLE, _SCAN_ANGLE_DEG = "scan_angle", 0.006
 #: Points compressed at a time, which bounds memory to twice the points.
 _BATCH = 1_000_000
 
@@ -34,20 +40,27 @@ def write_las(
     intensity_bits
         8 or 16: the largest intensity stored is 2**bits - 1; larger ones become that.
 
+    Further columns named as fields of the format (classification, return_number, number_of_returns, user_data,
+    point_source_id, scan_angle [deg], scanner_channel, scan_direction_flag, edge_of_flight_line) become these; others
+    become extra dimensions, 32-bit floating-point numbers.
+
     Raises
     ------
     UsageError
-        Neither .las nor .laz, or coordinates that are not finite or too far apart for steps of 1 mm.
+        Neither .las nor .laz, coordinates that are not finite or too far apart for steps of 1 mm, or a column whose
+        values its field cannot hold.
     OutputExistsError, MachineError
         As for `publish`.
 
     Notes
     -----
-    Coordinates are rounded to 1 mm. Times are marked as adjusted standard GPS time. Nothing of the day or
+    Coordinates are rounded to 1 mm, scan angles to 0.006 degrees. Without return numbers, each point is the only
+    return of its pulse. Times are marked as adjusted standard GPS time. Nothing of the day or
     the machine is written: equal points give equal files.
     """
     if path.suffix.lower() not in (".las", ".laz"):
         raise UsageError(f"suffix '{path.suffix}', expected .las or .laz", where=path)
+    _check_fields(points, path)
     wkt = parse_crs(crs)
     header = _header(points, wkt, path)
 
@@ -83,6 +96,7 @@ def _header(points: Points, wkt: str, path: Path) -> laspy.LasHeader:
         reach_m = float(np.abs(np.stack([low, high]) - header.offsets).max())
         if reach_m / _SCALE_M > 2**31 - 2:
             raise UsageError(f"points reach {reach_m:.3g} m from their middle, at most 2.1e6", where=path)
+    header.add_extra_dims([laspy.ExtraBytesParams(n, "f4") for n in points.columns if not _is_field(n)])
     header.global_encoding.gps_time_type = GpsTimeType.STANDARD
     if wkt != LOCAL:
         header.vlrs.append(WktCoordinateSystemVlr(wkt))
@@ -99,9 +113,31 @@ def _record(points: Points, header: laspy.LasHeader, intensity_bits: int) -> las
         record["intensity"] = np.clip(np.rint(points.intensity), 0.0, top).astype(np.uint16)
     if points.time_s is not None:
         record["gps_time"] = points.time_s
-    record["return_number"] = np.ones(len(points), dtype=np.uint8)
-    record["number_of_returns"] = np.ones(len(points), dtype=np.uint8)
+    one = np.ones(len(points), dtype=np.float32)
+    for name, values in ({"return_number": one, "number_of_returns": one} | dict(points.columns)).items():
+        if name == _SCAN_ANGLE:
+            record[name] = np.rint(values / _SCAN_ANGLE_DEG).astype(np.int16)
+        else:
+            record[name] = np.rint(values).astype(np.uint16) if name in _FIELDS else values
     return record
+
+
+def _is_field(name: str) -> bool:
+    return name in _FIELDS or name == _SCAN_ANGLE
+
+
+def _check_fields(points: Points, path: Path) -> None:
+    """Refuse values that a field of the format cannot hold."""
+    limits = {name: (0.0, float(top)) for name, top in _FIELDS.items()} | {_SCAN_ANGLE: (-180.0, 180.0)}
+    for name, values in points.columns.items():
+        low, high = limits.get(name, (-np.inf, np.inf))
+        # NaN is in no range
+        if name in limits and len(values) and not (values.min() >= low and values.max() <= high):
+            raise UsageError(
+                f"column {name!r} has values from {values.min():g} to {values.max():g}, its field holds {low:g} to {high:g}",
+                where=path,
+                advice="give the column another name to write it as an extra dimension",
+            )
 
 
 def _verify(part: Path, points: Points, path: Path) -> None:

@@ -46,8 +46,8 @@ def open_survey(
         CRS where the files do not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local".
     carry
         Names of further columns that the points are to have: extra dimensions of the laser files, or
-        classification, return_number, number_of_returns, user_data, point_source_id, scan_angle [deg], red, green,
-        blue.
+        classification, return_number, number_of_returns, user_data, point_source_id, scan_angle [deg],
+        scanner_channel, scan_direction_flag, edge_of_flight_line, red, green, blue.
     allow_outside
         Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
 

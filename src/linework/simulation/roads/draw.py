@@ -12,7 +12,8 @@ from linework.errors import UsageError, argument, did_you_mean
 from linework.simulation.roads.draw_motorway import draw_motorway
 from linework.simulation.roads.draw_rural import draw_bends, draw_straight
 from linework.simulation.roads.draw_urban import draw_urban
-from linework.simulation.roads.scenario import Pass, RoadLayout, Scanner, Scenario, Sensor
+from linework.simulation.roads.scenario import Pass, RoadLayout, Scenario, Sensor
+from linework.simulation.sensors.heads import Scanner
 
 LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "straight": draw_straight,

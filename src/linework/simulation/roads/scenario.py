@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from linework.simulation.roads.road import Road
+from linework.simulation.sensors.heads import Head
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,26 +187,12 @@ class Gantry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scanner:
-    """A profile scanner: position in the vehicle frame; its axis is x turned by yaw, then lowered by pitch.
-
-    `rays_per_turn` is no whole number: pulses are not locked to the mirror, so that successive turns do not
-    look in the same directions (a wire along the road would be met by every turn or by none).
-    """
-
-    position_m: tuple[float, float, float]
-    yaw_deg: float
-    pitch_deg: float
-    turns_per_s: float
-    rays_per_turn: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
     """What all scanners share.
 
     `contrast` is the reflectance of paint over asphalt; intensity goes with range to the power `-range_power`
     and with the cosine of incidence to `incidence_power`; `drift` is its slow change over the survey.
+    Stray points lie at 0.2 to 1.4 times the range of what the beam met, or off that range by `stray_m`, from and to.
     """
 
     range_noise_m: float
@@ -218,6 +205,7 @@ class Sensor:
     drift: float
     drift_period_s: float
     stray_share: float
+    stray_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,6 +216,61 @@ class Pass:
     direction: int
     speed_mps: float
     wander_m: float
+    pose_error_m: tuple[float, float, float]
+    start_time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What goes wrong in a survey; see `linework.simulation.sensors.conditions` for how much of it is drawn.
+
+    Parameters
+    ----------
+    zero_counts
+        What the intensity of nothing is.
+    gain
+        For each beam, counted through the heads: how bright it sees things.
+    boresight_rad
+        For each head: small rotation about x, y and z of the vehicle that the calibration does not know.
+    delay_s
+        How late the times are by which points get their poses.
+    wander_m
+        Slow error of the poses of a pass: amplitude along each axis.
+    mirror_share
+        Share of the beams on cars, glass and steel that come back from what these mirror.
+    rain_share
+        Share of the beams that come back from a drop before they meet anything.
+    """
+
+    zero_counts: float
+    gain: tuple[float, ...]
+    boresight_rad: tuple[tuple[float, float, float], ...]
+    delay_s: float
+    wander_m: float
+    mirror_share: float
+    rain_share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A straight flight strip from `start_m` (local frame); the aircraft sways by `sway_rad` about its course."""
+
+    start_m: tuple[float, float, float]
+    heading_rad: float
+    length_m: float
+    speed_mps: float
+    sway_rad: float
+    pose_error_m: tuple[float, float, float]
+    start_time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Station:
+    """A scanner on a tripod at `place_m` (local frame), for as long as one scan takes."""
+
+    place_m: tuple[float, float, float]
+    yaw_rad: float
+    duration_s: float
     pose_error_m: tuple[float, float, float]
     start_time_s: float
 
@@ -261,13 +304,27 @@ class RoadLayout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """Everything a seed decides; the survey follows from it without further choices but noise."""
+    """Everything a seed decides; the survey follows from it without further choices but noise.
+
+    With `flights` or `stations`, these carry the scanners instead of the vehicle of `passes`. `holes_m` are stretches,
+    from and to chainage, of which no points were delivered.
+    """
 
     kind: str
     seed: int
     length_m: float
     origin_m: tuple[float, float, float]
     layout: RoadLayout
-    scanners: tuple[Scanner, ...]
+    scanners: tuple[Head, ...]
     sensor: Sensor
     passes: tuple[Pass, ...]
+    scanner: str = "default"
+    flights: tuple[Flight, ...] = ()
+    stations: tuple[Station, ...] = ()
+    conditions: Conditions | None = None
+    holes_m: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a vehicle carries the scanners."""
+        return not (self.flights or self.stations)

@@ -1,4 +1,4 @@
-"""The van's path along the road: where its ground point is at any time, and how it is turned."""
+"""The path of what carries the scanners: where a vehicle, an aircraft or a tripod is at any time, and how it is turned."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 from linework.simulation.roads.road import Road
-from linework.simulation.roads.scenario import Pass
+from linework.simulation.roads.scenario import Flight, Pass, Station
 
 #: Rate at which poses are computed and reported; between them the van moves 0.1 to 0.2 m and poses are
 #: linear to 0.1 mm.
@@ -87,4 +87,38 @@ def reported_trajectory(drives: Sequence[Drive], origin_m: tuple[float, float, f
         np.concatenate([d.time_s for d in drives]),
         np.concatenate([d.xyz + d.error_m for d in drives]) + np.asarray(origin_m),
         np.concatenate(attitude),
+    )
+
+
+# Scanners that no vehicle carries
+
+
+def flown(flight: Flight, rng: np.random.Generator) -> Drive:
+    """Return an aircraft's poses: straight on, wandering by metres and swaying over 4 to 20 s."""
+    time = np.arange(0.0, flight.length_m / flight.speed_mps, 1.0 / POSE_RATE_HZ)
+    period = rng.uniform((40.0, 40.0, 6.0, 4.0, 8.0), (90.0, 90.0, 20.0, 12.0, 20.0))
+    wave = np.sin(2.0 * np.pi * time[:, None] / period + rng.uniform(0.0, 2.0 * np.pi, 5))
+    along, across = flight.speed_mps * time, 3.0 * wave[:, 0]
+    cos, sin = np.cos(flight.heading_rad), np.sin(flight.heading_rad)
+    way = np.stack([cos * along - sin * across, sin * along + cos * across, 2.0 * wave[:, 1]], axis=1)
+    return Drive(
+        flight.start_time_s + time,
+        np.asarray(flight.start_m) + way,
+        flight.sway_rad * wave[:, 2],
+        0.5 * flight.sway_rad * wave[:, 3],
+        flight.heading_rad + flight.sway_rad * wave[:, 4],
+        np.broadcast_to(np.asarray(flight.pose_error_m), way.shape),
+    )
+
+
+def stood(station: Station) -> Drive:
+    """Return a tripod's pose, from when its scan begins to its end."""
+    still, twice = np.zeros(2), np.ones((2, 1))
+    return Drive(
+        station.start_time_s + np.array([0.0, station.duration_s]),
+        twice * np.asarray(station.place_m),
+        still,
+        still,
+        still + station.yaw_rad,
+        twice * np.asarray(station.pose_error_m),
     )

@@ -1,36 +1,27 @@
-"""Profile scanners on the van: every beam is a ray cast against the scene, so what hides things is real."""
+"""Laser scanners: every beam is a ray cast against the scene, so what hides things is real."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.errors import extra_needed
-from linework.model.points import Points
-from linework.simulation.roads.scenario import Scanner, Scenario, Sensor
-from linework.simulation.scene.materials import (
-    GROUND,
-    LASER_REFLECTANCE,
-    RETURN_SHARE,
-    ROUGHNESS_M,
-    SEE_THROUGH,
-    Material,
-)
-from linework.simulation.scene.paint import paint_cover, smooth_noise
+from linework.simulation.scene.materials import RETURN_SHARE, SEE_THROUGH
 from linework.simulation.scene.part import Scene
 from linework.simulation.sensors.drive import Drive
+from linework.simulation.sensors.heads import BODIES, Head
 
 #: Beams at a time: what the arrays of a batch need stays under 100 MB.
 _BATCH = 200_000
-#: Directions that are told apart between two pulses.
-_FINER = 64
 #: How often a beam may go on through leaves, mesh and glass.
 _MAX_LAYERS = 4
-#: The van's own body in its frame: beams through it are lost. (x, y, z from; to) [m]
-_VAN = (np.array([-1.0, -0.95, 0.25]), np.array([4.2, 0.95, 1.9]))
+#: Share of the returns from leaves and wires behind which enough light of a wide beam goes on for another return.
+_GOES_ON = 0.6
+#: Returns of one pulse that are closer than this melt into one: half the length of a pulse of 5 ns. [m]
+_PULSE_M = 0.75
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +44,20 @@ class Hits:
         (n,) float64.
     error_m
         (n, 3) float64: pose error at that time.
+    sweep
+        (n,) int32: scan line, counted through the survey.
+    beam
+        (n,) int32: laser, counted through the heads.
+    strip
+        (n,) int32: pass, flight strip or station.
+    angle_deg
+        (n,) float32: scan angle.
+    is_edge, is_forward
+        (n,) bool, as in `Pulses`.
+    return_number, n_returns
+        (n,) uint8: which return of its pulse, from 1, of how many.
+    false_range_m
+        (n,) float64: range of a mirrored return or a drop, recorded instead; else NaN.
     """
 
     time_s: FloatArray
@@ -63,6 +68,15 @@ class Hits:
     chainage_offset: FloatArray
     cos_incidence: FloatArray
     error_m: FloatArray
+    sweep: AnyArray
+    beam: AnyArray
+    strip: AnyArray
+    angle_deg: Float32Array
+    is_edge: BoolArray
+    is_forward: BoolArray
+    return_number: AnyArray
+    n_returns: AnyArray
+    false_range_m: FloatArray
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -99,6 +113,7 @@ class Caster:
         length = np.linalg.norm(normal, axis=1)
         self._normal = normal / np.maximum(length, 1e-30)[:, None]
         self._level = np.sum(self._normal * a, axis=1)
+        self._box = mesh.vertices.min(axis=0) - 1.0, mesh.vertices.max(axis=0) + 1.0
 
     def cast(
         self,
@@ -107,10 +122,12 @@ class Caster:
         max_range_m: float,
         i_pass: int,
         rng: np.random.Generator,
+        max_returns: int = 1,
     ) -> tuple[AnyArray, AnyArray, FloatArray]:
         """Return the beams that came back, the triangles they met and the ranges.
 
-        A beam goes through leaves, wire mesh and glass by chance, and through cars of other passes always.
+        A beam goes through leaves, wire mesh and glass by chance, and through cars of other passes always. With
+        several returns, a part of a wide beam goes on behind a return from leaves, mesh, glass and wires.
         """
         mesh = self._scene.mesh
         share, see_through = RETURN_SHARE[mesh.material], SEE_THROUGH[mesh.material]
@@ -128,6 +145,9 @@ class Caster:
             returned = ~ghost & (rng.random(len(alive)) < share[triangle])
             found.append((alive[returned], triangle[returned], t[returned]))
             onward = (ghost | see_through[triangle]) & ~returned
+            if max_returns > 1:
+                thin = see_through[triangle] | (mesh.wire[triangle] >= 0)
+                onward |= returned & thin & (rng.random(len(alive)) < _GOES_ON)
             passed[alive] = t + 0.002
             alive = alive[onward]
             if len(alive) == 0:
@@ -142,6 +162,15 @@ class Caster:
         slope = np.sum(normal * direction, axis=1)
         slope = np.where(np.abs(slope) < 1e-6, 1e-6, slope)
         return np.asarray((self._level[triangle] - np.sum(normal * origin, axis=1)) / slope)
+
+    def mirrored(self, direction: FloatArray, triangle: AnyArray) -> FloatArray:
+        """Return the directions of beams after the triangles mirror them."""
+        normal = self._normal[triangle]
+        return np.asarray(direction - 2.0 * np.sum(direction * normal, axis=1)[:, None] * normal)
+
+    def may_meet(self, origin: FloatArray, direction: FloatArray) -> BoolArray:
+        """Return which beams pass through the box around the scene: most of a swath lies beside it."""
+        return _through_box(origin, direction, *self._box)
 
     def detail(
         self, xyz: FloatArray, direction: FloatArray, triangle: AnyArray
@@ -161,47 +190,110 @@ class Caster:
 
 
 def scan(
-    caster: Caster, drive: Drive, scanner: Scanner, max_range_m: float, i_pass: int, rng: np.random.Generator
+    caster: Caster,
+    carrier: Drive,
+    head: Head,
+    max_range_m: float,
+    strip: int,
+    rng: np.random.Generator,
+    *,
+    first_sweep: int = 0,
+    first_beam: int = 0,
 ) -> Iterator[Hits]:
-    """Yield the hits of one scanner in one pass, batch after batch in time order."""
-    n_directions = _FINER * int(scanner.rays_per_turn)
-    profile = _profile(scanner, n_directions)
-    outside = ~_meets_van(np.asarray(scanner.position_m), profile)
-    rate = scanner.turns_per_s * scanner.rays_per_turn
-    n = int((drive.time_s[-1] - drive.time_s[0]) * rate)
-    for first in range(0, n, _BATCH):
-        k = np.arange(first, min(first + _BATCH, n))
-        turn = (np.mod(k / scanner.rays_per_turn, 1.0) * n_directions).astype(np.int64)
-        k, turn = k[outside[turn]], turn[outside[turn]]
-        time = drive.time_s[0] + k / rate
-        origin, direction = _cast_off(drive, scanner, time, profile[turn])
-        ray, triangle, reach = caster.cast(origin, direction, max_range_m, i_pass, rng)
-        origin, direction, time = origin[ray], direction[ray], time[ray]
+    """Yield the hits of one head in one pass, batch after batch in time order.
+
+    Parameters
+    ----------
+    strip
+        Number of the pass.
+    first_sweep, first_beam
+        Numbers of its first scan line and its first beam in the survey.
+    """
+    for first in range(0, pulses_of(carrier, head), _BATCH):
+        k = np.arange(first, min(first + _BATCH, pulses_of(carrier, head)))
+        pulses = head.pulses(k)
+        if head.body:
+            clear = ~_meets_body(np.asarray(head.position_m), pulses.direction, head.body)
+            k, pulses = k[clear], pulses.take(clear)
+        time = carrier.time_s[0] + k / head.pulses_per_s
+        origin, direction = _cast_off(carrier, head, time, pulses.direction)
+        if head.divergence_rad:
+            towards = caster.may_meet(origin, direction)
+            origin, direction, time, pulses = (
+                origin[towards],
+                direction[towards],
+                time[towards],
+                pulses.take(towards),
+            )
+        ray, triangle, reach = caster.cast(
+            origin, _within_footprint(direction, head, rng), max_range_m, strip, rng, head.max_returns
+        )
+        number, count = np.ones(len(ray), dtype=np.uint8), np.ones(len(ray), dtype=np.uint8)
+        if head.max_returns > 1:
+            kept, number, count = _returns(ray, reach, head.max_returns)
+            ray, triangle, reach = ray[kept], triangle[kept], reach[kept]
+        origin, direction, time, pulses = origin[ray], direction[ray], time[ray], pulses.take(ray)
         place, cosine = caster.detail(origin + direction * reach[:, None], direction, triangle)
-        error = np.stack([np.interp(time, drive.time_s, e) for e in drive.error_m.T], axis=1)
-        yield Hits(time, origin, direction, reach, triangle, place, cosine, error)
+        error = np.stack([np.interp(time, carrier.time_s, e) for e in carrier.error_m.T], axis=1)
+        yield Hits(
+            time, origin, direction, reach, triangle, place, cosine, error,
+            sweep=(first_sweep + pulses.sweep).astype(np.int32),
+            beam=(first_beam + pulses.beam).astype(np.int32),
+            strip=np.full(len(ray), strip, dtype=np.int32),
+            angle_deg=pulses.angle_deg,
+            is_edge=pulses.is_edge,
+            is_forward=pulses.is_forward,
+            return_number=number,
+            n_returns=count,
+            false_range_m=np.full(len(ray), np.nan),
+        )  # fmt: skip
 
 
-def _profile(scanner: Scanner, n: int) -> FloatArray:
-    """Return (n, 3) directions evenly around one turn of the mirror, vehicle frame."""
-    yaw, pitch = np.radians(scanner.yaw_deg), np.radians(scanner.pitch_deg)
-    # The profile's plane: across the scanner's axis (x turned by yaw, lowered by pitch, so that the
-    # beams that go down go backwards, clear of the van)
-    side = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
-    up = np.array([np.cos(yaw) * np.sin(pitch), np.sin(yaw) * np.sin(pitch), np.cos(pitch)])
-    turn = 2.0 * np.pi * np.arange(n) / n
-    return np.asarray(np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * side)
+def pulses_of(carrier: Drive, head: Head) -> int:
+    """Return how many pulses a head sends in one pass."""
+    return int((carrier.time_s[-1] - carrier.time_s[0]) * head.pulses_per_s)
 
 
-def _cast_off(
-    drive: Drive, scanner: Scanner, time: FloatArray, beam: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _within_footprint(direction: FloatArray, head: Head, rng: np.random.Generator) -> FloatArray:
+    """Return where in its footprint each beam meets things first: anywhere within the cone of a wide beam."""
+    if head.divergence_rad == 0.0:
+        return direction
+    # Evenly over the disk; beams do not look along x or y only, so that neither product is zero everywhere
+    radius = 0.5 * head.divergence_rad * np.sqrt(rng.random(len(direction)))
+    around = 2.0 * np.pi * rng.random(len(direction))
+    least = np.argmin(np.abs(direction), axis=1)
+    side = np.cross(direction, np.eye(3)[least])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    other = np.cross(direction, side)
+    aim = direction + radius[:, None] * (np.cos(around)[:, None] * side + np.sin(around)[:, None] * other)
+    return np.asarray(aim / np.linalg.norm(aim, axis=1, keepdims=True))
+
+
+def _returns(ray: AnyArray, reach: FloatArray, most: int) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Return which hits become returns of their own, their numbers within the pulse, and how many it has.
+
+    Parameters
+    ----------
+    ray, reach
+        (n,) pulse of each hit, ascending, and its range [m], ascending within a pulse.
+    """
+    close = np.zeros(len(ray), dtype=np.bool_)
+    close[1:] = (ray[1:] == ray[:-1]) & (reach[1:] - reach[:-1] < _PULSE_M)
+    kept = np.flatnonzero(~close)
+    _, first, count = np.unique(ray[kept], return_index=True, return_counts=True)
+    number = np.arange(len(kept)) - np.repeat(first, count) + 1
+    recorded = number <= most
+    total = np.minimum(np.repeat(count, count), most)
+    return kept[recorded], number[recorded].astype(np.uint8), total[recorded].astype(np.uint8)
+
+
+def _cast_off(drive: Drive, head: Head, time: FloatArray, beam: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return origins and directions of vehicle-frame beams in the local frame."""
     columns = (drive.roll_rad, drive.pitch_rad, drive.yaw_rad)
-    roll, nose, head = (np.interp(time, drive.time_s, c) for c in columns)
+    roll, nose, yaw = (np.interp(time, drive.time_s, c) for c in columns)
     where = np.stack([np.interp(time, drive.time_s, c) for c in drive.xyz.T], axis=1)
-    mount = np.broadcast_to(np.asarray(scanner.position_m), beam.shape)
-    return where + to_local_frame(mount, roll, nose, head), to_local_frame(beam, roll, nose, head)
+    mount = np.broadcast_to(np.asarray(head.position_m), beam.shape)
+    return where + to_local_frame(mount, roll, nose, yaw), to_local_frame(beam, roll, nose, yaw)
 
 
 def to_local_frame(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
@@ -220,16 +312,17 @@ def to_local_frame(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: Fl
     return np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
 
 
-def _meets_van(origin: FloatArray, beam: FloatArray) -> BoolArray:
-    """Return which beams pass through the van's body (slab test in the vehicle frame)."""
+def _meets_body(origin: FloatArray, beam: FloatArray, body: str) -> BoolArray:
+    """Return which beams pass through the vehicle's body (slab test in the vehicle frame)."""
+    return _through_box(origin, beam, *np.asarray(BODIES[body]))
+
+
+def _through_box(origin: FloatArray, beam: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
     safe = np.where(np.abs(beam) < 1e-12, 1e-12, beam)
-    near, far = (_VAN[0] - origin) / safe, (_VAN[1] - origin) / safe
+    near, far = (low - origin) / safe, (high - origin) / safe
     enter = np.max(np.minimum(near, far), axis=1)
     leave = np.min(np.maximum(near, far), axis=1)
     return np.asarray((leave > np.maximum(enter, 0.0)), dtype=np.bool_)
-
-
-# What the scanners record of their hits: noisy positions and intensities, and stray points
 
 
 def on_wire_axis(scene: Scene, hits: Hits) -> Hits:
@@ -248,55 +341,4 @@ def on_wire_axis(scene: Scene, hits: Hits) -> Hits:
     t = (np.sum(w * u, axis=1) * across - np.sum(w * d, axis=1)) / np.maximum(1.0 - across**2, 1e-6)
     reach = hits.range_m.copy()
     reach[on] = np.where(np.abs(t - reach[on]) < 0.5, t - 0.5 * scene.wire_m[wire[on]], reach[on])
-    return Hits(
-        hits.time_s, hits.origin, hits.direction, reach, hits.triangle, hits.chainage_offset,
-        hits.cos_incidence, hits.error_m,
-    )  # fmt: skip
-
-
-def record_points(scenario: Scenario, scene: Scene, hits: Hits, rng: np.random.Generator) -> Points:
-    """Return the survey's points, one per hit, world frame, in the order of `hits`."""
-    sensor = scenario.sensor
-    material = scene.mesh.material[hits.triangle]
-    reach = hits.range_m + sensor.range_noise_m * rng.normal(size=len(hits))
-    stray = rng.random(len(hits)) < sensor.stray_share
-    # Rain, dust and multiple reflections: anywhere along the beam, also behind what it met (below ground)
-    reach = np.where(stray, hits.range_m * rng.uniform(0.2, 1.4, len(hits)), reach)
-    xyz = hits.origin + hits.direction * reach[:, None] + hits.error_m
-    rough = ROUGHNESS_M[material] * rng.normal(size=len(hits))
-    is_grass = material == Material.GRASS
-    # Blades stand up from the soil: grass is never below it
-    xyz[:, 2] += np.where(is_grass, 1.5 * np.abs(rough), rough)
-    intensity = _intensity(scenario, hits, material, rng)
-    return Points(xyz + np.asarray(scenario.origin_m), intensity=intensity, time_s=hits.time_s)
-
-
-def _intensity(scenario: Scenario, hits: Hits, material: AnyArray, rng: np.random.Generator) -> AnyArray:
-    sensor = scenario.sensor
-    strength = _reflectance(scenario, hits, material)
-    strength *= (hits.range_m / 10.0) ** -sensor.range_power * hits.cos_incidence**sensor.incidence_power
-    strength *= _drift(sensor, hits.time_s)
-    strength *= np.maximum(1.0 + 0.07 * rng.normal(size=len(hits)), 0.1)
-    return np.floor(np.clip(strength * sensor.gain, 0.0, 2**sensor.intensity_bits - 1)).astype(np.float32)
-
-
-def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArray:
-    reflectance = LASER_REFLECTANCE[material].copy()
-    on_ground = GROUND[material]
-    place = hits.chainage_offset[on_ground]
-    # Texture: stones and stains; patches of other asphalt along the road
-    fine = smooth_noise(place[:, 0] / 0.3, place[:, 1] / 0.3, scenario.seed + 101)
-    patch = smooth_noise(place[:, 0] / 12.0, place[:, 1] / 2.5, scenario.seed + 102)
-    texture = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
-    reflectance[on_ground] *= texture
-    on_asphalt = np.flatnonzero(material == Material.ASPHALT)
-    layout = scenario.layout
-    cover = paint_cover(hits.chainage_offset[on_asphalt], layout.markings, scenario.seed, layout.symbols)
-    paint = LASER_REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
-    reflectance[on_asphalt] += cover * (paint - reflectance[on_asphalt])
-    return reflectance
-
-
-def _drift(sensor: Sensor, time_s: FloatArray) -> FloatArray:
-    """Return the slow change of the receiver: `drift` from trough to crest."""
-    return np.asarray(1.0 + 0.5 * sensor.drift * np.sin(2.0 * np.pi * time_s / sensor.drift_period_s))
+    return replace(hits, range_m=reach)
