@@ -21,12 +21,23 @@ from linework.files.las.header import read_las_header
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.scene.materials import GROUND, Material
 from linework.simulation.scene.scene import build_scene
+from linework.simulation.sensors.rigs import equipped
 from linework.simulation.sensors.scanner import Caster
 from linework.simulation.simulate import survey_of
 from linework.surface.road import find_ground
 
-#: Roads and seeds that nothing was tuned on.
-WORLDS = [("bends", 41), ("urban", 42), ("motorway", 43), ("straight", 44)]
+#: Roads, seeds and scanners that nothing was tuned on, and whether the road is cut by holes in the data.
+WORLDS = [
+    ("bends", 41, "default", False),
+    ("urban", 42, "default", False),
+    ("motorway", 43, "default", False),
+    ("straight", 44, "default", False),
+    ("urban", 45, "one", True),
+    ("bends", 46, "spinning32", False),
+    ("straight", 47, "airborne", True),
+    ("urban", 48, "airborne", False),
+    ("bends", 49, "terrestrial", False),
+]
 #: Classified airborne surveys, and their classes of ground and water.
 CLASSIFIED, GROUND_CLASSES = ("forest/*.laz", "amsterdam/*.laz", "powerline/*.laz"), (2, 9)
 OFF_M = 0.5
@@ -40,15 +51,13 @@ def main(arguments=()):
     print(
         f"{'survey':24} {'filter':6} {'lost':>7} {'wrong':>8} {'RMSE road':>10} {'RMSE':>7} {'flagged':>16} {'ns/point':>9}"
     )
-    for road, seed in WORLDS:
-        survey = survey_of(draw_scenario(road, seed, options.length_m, points_per_m=4000))
-        report(
-            f"{road} {seed}",
-            survey.points,
-            survey.trajectory,
-            lambda xy, s=survey: mesh_heights(s.scenario, xy),
-            0.1,
+    for road, seed, scanner, holes in WORLDS:
+        drawn = draw_scenario(road, seed, options.length_m, points_per_m=4000)
+        survey = survey_of(equipped(drawn, scanner=scanner, points_per_m=4000, holes=holes))
+        name = " ".join(
+            [road, str(seed), *([scanner] if scanner != "default" else []), *(["holes"] if holes else [])]
         )
+        report(name, survey.points, survey.trajectory, lambda xy, s=survey: mesh_heights(s.scenario, xy), 0.1)
     if options.data:
         for path in sorted(path for pattern in CLASSIFIED for path in options.data.glob(pattern)):
             with warnings.catch_warnings():
