@@ -11,6 +11,9 @@ from linework.arrays import AnyArray, BoolArray, IntArray, offsets_of
 from linework.surface.cells import under_the_wheels
 from linework.surface.regions import MIN_ROAD_M2, LabelTable, RegionFacts, connected_groups, is_bare
 
+#: Points per cell of a road beside the road with most points: as many flight strips overlap at most. Fields far from a
+#: van have less. [ratio]
+_LEAST_DENSITY = 0.25
 _NO_NODES = np.zeros(0, dtype=np.int64)
 _NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
@@ -41,7 +44,8 @@ class Choice:
     Notes
     -----
     Roads are the regions under the path; in a recorded area without path all smooth regions of bare earth that are large
-    enough, but of two that touch, at a kerb, the one with more points. Ground is the regions of bare earth, and what roads lie on. Where no region of the
+    enough, but of two that touch, at a kerb, the one with more points, and none that is seen
+    much less densely than the one with most points. Ground is the regions of bare earth, and what roads lie on. Where no region of the
     survey qualifies, the one with most points is ground.
     """
 
@@ -53,15 +57,20 @@ class Choice:
         drops = np.concatenate([np.zeros((0, 2), np.float32), *(f.drops for f in facts)])
         roads.choose(seeds[under_the_wheels(drops)])
         with_path = np.isin(roads.island, roads.island[roads.chosen])
+        grounds.choose(np.flatnonzero(grounds.are_bare()))
+        # A dam's crest is ground as its banks are: so a road is where it lies on ground, bare by itself or not
+        on_ground = np.zeros(len(roads.group), dtype=np.int64)
+        for i, f in enumerate(facts):
+            on = grounds.chosen[grounds.nodes(i, f.pairs[:, 1])]
+            np.add.at(on_ground, roads.group[roads.nodes(i, f.pairs[on, 0])], f.pairs[on, 2])
+        cells = roads.sums("cells")
+        is_road = (2 * on_ground >= cells) & (cells * cell_m**2 >= MIN_ROAD_M2)
         touching = [roads.pairs(i, i, f.touching) for i, f in enumerate(facts)]
         touching += [roads.pairs(link.a, link.b, link.touching) for link in links]
-        roads.choose_apart(
-            roads.bare(least_m2=MIN_ROAD_M2) & ~with_path, np.concatenate([_NO_PAIRS, *touching])
-        )
+        roads.choose_apart(is_road[roads.group] & ~with_path, np.concatenate([_NO_PAIRS, *touching]))
         for i, f in enumerate(facts):
             on = roads.chosen[roads.nodes(i, f.pairs[:, 0])]
             grounds.choose(grounds.nodes(i, f.pairs[on, 1]))
-        grounds.choose(np.flatnonzero(grounds.bare()))
         if not grounds.chosen.any() and not any(len(f.bare) for f in facts):
             grounds.choose(grounds.most_points())
         self._roads, self._grounds, self._inside = roads, grounds, [f.bare for f in facts]
@@ -104,23 +113,27 @@ class _Nodes:
         groups[self.group[nodes]] = True
         self.chosen |= groups[self.group]
 
-    def bare(self, least_m2: float = 0.0) -> BoolArray:
-        """Return which nodes belong to groups of bare earth that are large enough, (n,) bool."""
-        cells, bare = self._sums("cells"), self._sums("bare")
-        good = is_bare(bare, cells) & (cells * self._cell_m**2 >= least_m2)
-        return good[self.group]
+    def are_bare(self) -> BoolArray:
+        """Return which nodes belong to groups of bare earth, (n,) bool."""
+        return is_bare(self.sums("bare"), self.sums("cells"), self._cell_m)[self.group]
 
     def choose_apart(self, wanted: BoolArray, touching: IntArray) -> None:
-        """Choose the groups of wanted nodes (n,), those with most points first, and none that touches a chosen one."""
+        """Choose the groups of wanted nodes (n,), those with most points first.
+
+        None that touches a chosen one, or that is seen much less densely than the first chosen one of its island.
+        """
         beside: dict[int, set[int]] = {}
         for a, b in np.unique(self.group[touching], axis=0).tolist():
             beside.setdefault(a, set()).add(b)
             beside.setdefault(b, set()).add(a)
+        density = self.sums("points") / np.maximum(self.sums("cells"), 1)
+        least: dict[int, float] = {}
         taken: set[int] = set()
         nodes = self._by_points()
         for node in nodes[wanted[nodes]].tolist():
-            group = int(self.group[node])
-            if group not in taken and not taken & beside.get(group, set()):
+            group, island = int(self.group[node]), int(self.island[node])
+            first = least.setdefault(island, _LEAST_DENSITY * float(density[group]))
+            if group not in taken and density[group] >= first and not taken & beside.get(group, set()):
                 taken.add(group)
         self.chosen |= np.isin(self.group, list(taken))
 
@@ -132,10 +145,10 @@ class _Nodes:
         """Return all nodes, those of groups with most points first; of equals the one that begins farther north, then west."""
         first = np.full(len(self.group), np.iinfo(np.int64).max)
         np.minimum.at(first, self.group, np.concatenate([_NO_NODES, *(t.first for t in self.tables)]))
-        points = self._sums("points")
+        points = self.sums("points")
         return np.lexsort((first[self.group], -points[self.group]))
 
-    def _sums(self, name: str) -> IntArray:
+    def sums(self, name: str) -> IntArray:
         """Return the sum of a column of the tables over each group, (n,) int64: groups count up to the number of nodes."""
         total = np.zeros(len(self.group), dtype=np.int64)
         np.add.at(total, self.group, np.concatenate([_NO_NODES, *(getattr(t, name) for t in self.tables)]))

@@ -15,7 +15,8 @@ from linework.surface.cells import CellWindow, block_of, drops_of_cells
 from linework.surface.config import RoadConfig
 from linework.surface.heights import SLOPE_HALO, smooth_slopes
 
-#: Least area of a road where no path leads over it: larger than the roof of a lorry, or a few cells of a wire. [m2]
+#: Least area of a road where no path leads over it, and of bare cells that make a whole region ground: larger than the
+#: roof of a lorry, or a few cells of a wire. [m2]
 MIN_ROAD_M2 = 25.0
 
 
@@ -74,7 +75,7 @@ class RegionFacts:
     bare
         (b,) int32 ground labels that are ground and not in the table: whole within the window.
     pairs
-        (k, 2) int32 road label of the table, and a ground label that shares cells with it.
+        (k, 3) int32 road label of the table, a ground label that shares cells with it, and how many.
     touching
         (t, 2) int32 road labels of the table that lie beside each other, with at most one cell between them.
     seeds
@@ -96,13 +97,15 @@ def region_halo(config: RoadConfig) -> int:
     return max(SLOPE_HALO, bare_halo(config))
 
 
-def is_bare(bare: IntArray, cells: IntArray) -> BoolArray:
+def is_bare(bare: IntArray, cells: IntArray, cell_m: float) -> BoolArray:
     """Return which regions are ground, by the number of their bare cells and of all, (n,) bool.
 
-    >>> is_bare(np.array([2, 2]), np.array([3, 9])).tolist()
-    [True, False]
+    Half of the cells, or as many as a lorry's roof: the crest of a dam of which the banks are hidden has some at its foot.
+
+    >>> is_bare(np.array([2, 2, 200]), np.array([3, 9, 999]), 0.5).tolist()
+    [True, False, True]
     """
-    return np.asarray(2 * bare >= cells)
+    return np.asarray((2 * bare >= cells) | (bare * cell_m**2 >= MIN_ROAD_M2))
 
 
 def cell_regions(
@@ -156,11 +159,11 @@ def cell_regions(
     listed = np.zeros(len(first_road) + 1, dtype=bool)
     listed[roads.labels] = True
     on = listed[road] & (ground > 0)
-    pairs = np.unique((road[on].astype(np.int64) << 32) | ground[on])
-    pairs = np.stack([pairs >> 32, pairs & 0xFFFFFFFF], axis=-1).astype(np.int32)
+    codes, shared = np.unique((road[on].astype(np.int64) << 32) | ground[on], return_counts=True)
+    pairs = np.stack([codes >> 32, codes & 0xFFFFFFFF, shared], axis=-1).astype(np.int32)
     grounds = _table(window, ground, n_ground, first_ground, counts, islands, cell, np.unique(pairs[:, 1]))
     n_cells, n_bare = kernels.sizes_of_labels(ground, counts[1], len(first_ground))
-    own = np.setdiff1d(np.flatnonzero(is_bare(n_bare, n_cells)) + 1, grounds.labels).astype(np.int32)
+    own = np.setdiff1d(np.flatnonzero(is_bare(n_bare, n_cells, cell)) + 1, grounds.labels).astype(np.int32)
     return CellRegions(window, height, east, north, road, ground), RegionFacts(
         roads, grounds, own, pairs, _touching(np.where(listed[road], road, 0)), seeds, drops
     )
