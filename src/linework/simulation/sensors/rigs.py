@@ -152,9 +152,11 @@ def _with_profiles(
         # No whole number, see `Scanner`
         rays = float(np.floor(rays) + rng.uniform(0.1, 0.9))
         left = 0.35 * float(np.sign(yaw)) if len(tilts_deg) > 1 and i < 2 else 0.0
+        # A single head stands as far behind the van as its plane needs to pass the corners of the body on both sides
+        behind = 0.95 * np.tan(np.radians(abs(yaw))) if len(tilts_deg) == 1 else 0.0
         heads.append(
             Scanner(
-                position_m=(-1.05, left, height),
+                position_m=(-1.05 - float(behind), left, height),
                 yaw_deg=yaw,
                 pitch_deg=pitch,
                 turns_per_s=turns,
