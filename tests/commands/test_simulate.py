@@ -34,6 +34,8 @@ def test_the_folder_is_a_survey_with_truth_and_the_same_bytes_again(linework, tm
         (("--length-m", "5"), 2, "a road of 5 m cannot be simulated"),
         (("--seed", "-1"), 2, "the seed is -1"),
         (("--points-per-m", "0"), 2, "0 points per metre"),
+        (("--scanner", "spinning8"), 2, "there is no scanner 'spinning8'. did you mean spinning"),
+        (("--conditions", "harsh"), 2, "choose one of usual, hard"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_in_one_line(linework, tmp_path, options, code, words):

@@ -43,6 +43,11 @@ def test_the_survey_is_that_of_the_command_opened(linework, tmp_path):
         ({"seed": -1}, "seed: the seed is -1. Choose a whole number from 0."),
         ({"seed": 1.5}, "seed: the seed is 1.5. Choose"),
         ({"seed": None}, "seed: the seed is None. Choose"),
+        ({"scanner": None}, "scanner: there is no scanner None. Did you mean one? Choose one of"),
+        (
+            {"conditions": "harsh"},
+            "conditions: there are no conditions 'harsh'. Did you mean hard? Choose one of usual, hard.",
+        ),
         ({"points_per_m": 0}, "points_per_m: 0 points per metre. Choose more than 0"),
         ({"points_per_m": float("nan")}, "points_per_m: nan points per metre"),
         ({"points_per_m": float("inf")}, "points_per_m: inf points per metre"),

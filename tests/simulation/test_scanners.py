@@ -76,6 +76,15 @@ def test_a_scan_line_of_a_profile_scanner_is_a_turn_of_its_mirror_in_one_plane(s
     assert sum(map(len, shared)) == len(set().union(*shared))
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_single_head_sees_the_road_on_both_sides_of_the_van(seed):
+    survey = surveyed("one", "straight", seed)
+    seen = in_vehicle_frame(survey)
+    low = seen[:, 2] < 0.3
+    for side in (-1.0, 1.0):
+        assert np.count_nonzero(low & (side * seen[:, 1] > 0.2) & (side * seen[:, 1] < 1.5)) > 500
+
+
 @pytest.mark.parametrize("scanner", ["spinning16", "spinning64"])
 def test_every_beam_of_a_spinning_scanner_looks_where_it_was_mounted(scanner):
     survey = surveyed(scanner)

@@ -139,7 +139,7 @@ def _with_profiles(
     rng: np.random.Generator,
 ) -> Scenario:
     """Return the scenario with profile heads of these yaws and pitches, scan lines 4 to 22 cm apart for each."""
-    height = float(rng.uniform(2.0, 2.6))
+    height, max_returns = float(rng.uniform(2.0, 2.6)), int(rng.choice([1, 4]))
     n = len(tilts_deg) * len(scenario.passes)
     closest = max(0.04, n / _MOST_LINES_PER_M)
     heads: list[Head] = []
@@ -152,13 +152,16 @@ def _with_profiles(
         # No whole number, see `Scanner`
         rays = float(np.floor(rays) + rng.uniform(0.1, 0.9))
         left = 0.35 * float(np.sign(yaw)) if len(tilts_deg) > 1 and i < 2 else 0.0
+        # A single head stands as far behind the van as its plane needs to pass the corners of the body on both sides
+        behind = 0.95 * np.tan(np.radians(abs(yaw))) if len(tilts_deg) == 1 else 0.0
         heads.append(
             Scanner(
-                position_m=(-1.05, left, height),
+                position_m=(-1.05 - float(behind), left, height),
                 yaw_deg=yaw,
                 pitch_deg=pitch,
                 turns_per_s=turns,
                 rays_per_turn=rays,
+                max_returns=max_returns,
             )
         )
     return replace(scenario, scanners=tuple(heads))
@@ -188,6 +191,7 @@ def _spinning(n_beams: int) -> Callable[[Scenario, float | None, np.random.Gener
             turns_per_s=turns,
             columns_per_turn=float(np.floor(np.clip(columns, *_COLUMNS)) + rng.uniform(0.1, 0.9)),
             tilt_deg=float(rng.uniform(-3.0, 5.0)),
+            max_returns=int(rng.choice([1, 2])),
         )  # fmt: skip
         # Ranges of such lidars scatter by 1 to 3 cm (their makers' figures)
         sensor = replace(scenario.sensor, range_noise_m=float(rng.uniform(0.006, 0.03)))

@@ -127,7 +127,7 @@ class Caster:
         """Return the beams that came back, the triangles they met and the ranges.
 
         A beam goes through leaves, wire mesh and glass by chance, and through cars of other passes always. With
-        several returns, a part of a wide beam goes on behind a return from leaves, mesh, glass and wires.
+        several returns, a part of the beam goes on behind a return from leaves, mesh, glass and wires.
         """
         mesh = self._scene.mesh
         share, see_through = RETURN_SHARE[mesh.material], SEE_THROUGH[mesh.material]
