@@ -1,5 +1,6 @@
 """Hard conditions: each error moves points as physics says, within its range, and the truth follows."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -183,3 +184,13 @@ def test_heads_see_things_differently_bright():
         own = clear & (even.beam == i)
         ratio = np.median(stepped.points.intensity[own] / even.points.intensity[own])
         assert ratio == pytest.approx(1.0 if i == 0 else 0.5, abs=0.02)
+
+
+def test_the_second_pass_begins_after_the_first_has_ended():
+    for seed in range(12):
+        scenario = equipped(draw_scenario("bends", seed, 5000.0), conditions="hard")
+        drives = carriers_of(scenario)
+        assert all(b.time_s[0] > a.time_s[-1] for a, b in itertools.pairwise(drives))
+        if len(drives) == 2:
+            return
+    pytest.fail("no survey of two passes")
