@@ -174,6 +174,11 @@ def test_a_folder_of_the_user_stays(tmp_path):
 def test_clean_leaves_what_others_put_there(work):
     others = [work / "note.txt", work / "stores" / "precious.npy", work / "runs" / "r" / "holiday.jpg"]
     others += [work / "runs" / "mine" / "result.json", work / "stores" / "abc-def.lock"]
+    others += [
+        work / "stores" / "x" / "lines.gpkg",
+        work / "runs" / "r" / "notes.json",
+        work / "stores" / "x" / "a.npy",
+    ]
     for path in others:
         path.parent.mkdir(exist_ok=True)
         path.write_text("mine")
@@ -206,6 +211,24 @@ def test_folders_of_others_are_not_cleaned_whatever_they_are_called(tmp_path):
     assert not (folder / "stores" / "y").exists()
     assert [(tmp_path / name / "x" / "0.points").read_text() for name in ("stores", "runs")] == ["mine"] * 2
     assert (tmp_path / "build.lock").exists()
+
+
+@pytest.mark.parametrize("name", ["linework-made.txt", "stores", "runs", ".", "stores/x"])
+def test_nothing_is_written_through_a_link(tmp_path, name):
+    """A survey that was unpacked from an archive may hold links to any place."""
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "diary.txt").write_text("mine")
+    beside = tmp_path / "survey" / ".linework"
+    (beside if name != "." else beside.parent).mkdir(parents=True)
+    (beside / name).parent.mkdir(parents=True, exist_ok=True)
+    (beside if name == "." else beside / name).symlink_to(
+        outside / "diary.txt" if name.endswith(".txt") else outside
+    )
+    with pytest.raises(OutputExistsError, match="is a link, and links are not followed"):
+        claim(work_folder.work_folder(tmp_path / "survey"), "stores/x")
+    assert [path.name for path in outside.iterdir()] == ["diary.txt"]
+    assert (outside / "diary.txt").read_text() == "mine"
 
 
 def test_links_are_not_followed(work, tmp_path):

@@ -26,8 +26,14 @@ FOLDERS = (".", STORES, RUNS)
 #: place outside of the work folder.
 _NAME = re.compile(r"\.|stores|runs|(stores|runs)/[A-Za-z0-9][\w.-]*")
 _HEAD = "# Made by linework, and removed by `linework clean`. What is not listed here is left alone.\n"
-#: Suffixes of the files in stores and runs. Others were put there by somebody else, and stay.
-_SUFFIXES = frozenset((".points", ".npy", ".json", ".arrays", ".lock", ".sqlite", ".csv", ".gpkg", ".part"))
+#: Names of the files in stores and runs, parts of unfinished ones among them. Others were put there by somebody else, and
+#: stay. Lines lie in a folder of their own while a job of the workbench makes them.
+_FILES = re.compile(
+    r"\d+\.points|runs\.npy|(store|surface|run)\.json|[\w.+-]+\.arrays|surface-[\w.+-]+\.lock|journal\.sqlite"
+    r"|(given|located)-[0-9a-f]{16}\.csv|\.[\w.+-]+\.part(\.\w+)?"
+)
+_JOB_FOLDER, _JOB_FILES = "runs/workbench-", re.compile(r"\.?lines\.([\w.-]*\.)?gpkg(\.run\.json|\.lock)?")
+_ELSEWHERE = f"move it away, or name another folder with {argument('work')}"
 _JOURNALS = ("-journal", "-wal", "-shm")
 
 
@@ -47,14 +53,29 @@ def claim(work: Path, name: str) -> None:
         The folder cannot be written to.
     """
     with listing(work) as listed:
-        is_link = (work / name).is_symlink()
-        if is_link or (name not in listed and os.path.lexists(work / name)):
+        check_no_links(work, name)
+        if name not in listed and os.path.lexists(work / name):
             raise OutputExistsError(
-                "is a link" if is_link else f"was not made by linework: {LIST} does not name it",
-                where=work / name,
-                advice=f"move it away, or name another folder with {argument('work')}",
+                f"was not made by linework: {LIST} does not name it", where=work / name, advice=_ELSEWHERE
             )
         _add(work, [name], listed)
+
+
+def check_no_links(work: Path, *names: str) -> None:
+    """Check that names in a work folder do not lead out of it.
+
+    Raises
+    ------
+    OutputExistsError
+        One is a link, or lies in a folder that is one.
+    """
+    for name in dict.fromkeys(part for full in names for part in (full.partition("/")[0], full)):
+        if (work / name).is_symlink():
+            raise _link_error(work / name)
+
+
+def _link_error(path: Path) -> OutputExistsError:
+    return OutputExistsError("is a link, and links are not followed", where=path, advice=_ELSEWHERE)
 
 
 def list_made(work: Path, names: Sequence[str]) -> None:
@@ -68,6 +89,8 @@ def _add(work: Path, names: Sequence[str], listed: Sequence[str]) -> None:
     text = "".join(f"{name}\n" for name in names if name not in listed)
     if not text and is_listed(work):
         return
+    if (work / LIST).is_symlink():
+        raise _link_error(work / LIST)
     with machine_errors(work), (work / LIST).open("ab") as file:
         file.write(((_HEAD if not file.tell() else "") + text).encode())
     make_durable(work / LIST)
@@ -108,24 +131,25 @@ def remove_made(work: Path, name: str) -> tuple[int, list[Path]]:
     if (work / kind).is_symlink():
         return 0, [work / kind]
     # A store that was killed while it was built has the second name
-    removed = [_remove_tree(path) for path in (work / name, work / kind / f".{key}.part")]
+    with_lines = name.startswith(_JOB_FOLDER)
+    removed = [_remove_tree(path, with_lines) for path in (work / name, work / kind / f".{key}.part")]
     return sum(n_bytes for n_bytes, _ in removed), [path for _, kept in removed for path in kept]
 
 
-def _remove_tree(path: Path) -> tuple[int, list[Path]]:
+def _remove_tree(path: Path, with_lines: bool) -> tuple[int, list[Path]]:
     """Remove the files of linework in a folder, and the folders that are empty then."""
-    n_bytes, kept = _remove_file(path) if path.is_symlink() or not path.is_dir() else (0, [])
+    n_bytes, kept = _remove_file(path, with_lines) if path.is_symlink() or not path.is_dir() else (0, [])
     if not path.is_symlink():
         for folder, folders, files in os.walk(path, topdown=False):
             for one in (*files, *folders):
-                freed, left = _remove_file(Path(folder, one))
+                freed, left = _remove_file(Path(folder, one), with_lines)
                 n_bytes, kept = n_bytes + freed, kept + left
         with contextlib.suppress(OSError):
             path.rmdir()
     return n_bytes, kept
 
 
-def _remove_file(path: Path) -> tuple[int, list[Path]]:
+def _remove_file(path: Path, with_lines: bool) -> tuple[int, list[Path]]:
     """Remove a file of linework, or a folder that is empty by now."""
     with contextlib.suppress(FileNotFoundError):
         status = path.lstat()
@@ -136,7 +160,8 @@ def _remove_file(path: Path) -> tuple[int, list[Path]]:
         name = path.name
         for ending in _JOURNALS:
             name = name.removesuffix(ending)
-        if not stat.S_ISREG(status.st_mode) or Path(name).suffix not in _SUFFIXES:
+        is_ours = _FILES.fullmatch(name) or (with_lines and _JOB_FILES.fullmatch(name))
+        if not stat.S_ISREG(status.st_mode) or not is_ours:
             return 0, [path]
         path.unlink()
         return status.st_size, []

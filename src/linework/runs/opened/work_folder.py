@@ -22,7 +22,17 @@ from pathlib import Path
 from linework.errors import InputError, MachineError, OutputExistsError, argument
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
-from linework.runs.opened.made import FOLDERS, LIST, RUNS, STORES, is_listed, list_made, listing, remove_made
+from linework.runs.opened.made import (
+    FOLDERS,
+    LIST,
+    RUNS,
+    STORES,
+    check_no_links,
+    is_listed,
+    list_made,
+    listing,
+    remove_made,
+)
 
 NAME = ".linework"
 
@@ -36,11 +46,14 @@ def work_folder(root: Path, given: Path | None = None) -> Path:
     ------
     MachineError
         `given` is not a folder, or cannot be written.
+    OutputExistsError
+        The one beside the survey, or what is in it, is a link: it may lead anywhere.
     """
     if given is not None:
         _make(given)
         return given
     beside = root / NAME
+    check_no_links(root, NAME)
     try:
         _make(beside)
     except MachineError:
@@ -147,6 +160,7 @@ def _make(folder: Path) -> None:
             "is not a folder", where=folder, advice=f"name another place with {argument('work')}"
         )
     with machine_errors(folder):
+        check_no_links(folder, STORES, RUNS, LIST)
         made = [] if folder.is_dir() else ["."]
         folder.mkdir(parents=True, exist_ok=True)
         made += [name for name in (STORES, RUNS) if not os.path.lexists(folder / name)]
