@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import sqlite3
 
 import numpy as np
 import pyogrio
 import pytest
+import shapely
 
 from linework.files.las.write import write_las
+from linework.files.line_file.file import LineFile
 from linework.files.trajectories.read import write_trajectory
 from linework.files.vectors.read_write import read_lines
 from linework.methods.obb.trace import nearest_vertex
+from linework.model.changes import Change
 from linework.model.points import Points
 from linework.simulation.simulate import simulate_survey
 
@@ -117,6 +122,38 @@ def test_append_adds_another_line(linework, simulated, survey, tmp_path):
         assert linework("trace", survey, "--at", at, "--append", "-o", output).code == 0
     layers = {name for name, _ in pyogrio.list_layers(output)}
     assert {"lane_marking", "road_boundary"} <= layers
+
+
+def test_append_keeps_history_and_what_others_put_into_the_file(linework, simulated, survey, tmp_path):
+    output = tmp_path / "lines.gpkg"
+    kinds = ("lane_marking", "road_boundary")
+    assert linework("trace", survey, "--at", place_on(simulated, kinds[0]), "-o", output).code == 0
+    with LineFile.opened(output, crs=read_lines(output).crs) as drawing:
+        line = drawing.lines.take([0])
+        drawing.commit(Change("reject", line, line.with_columns(review=["rejected"])), who="Ada")
+    with contextlib.closing(sqlite3.connect(output)) as db, db:
+        db.execute("CREATE TABLE notes (text TEXT)")
+        db.execute("INSERT INTO notes VALUES ('mine')")
+    assert (
+        linework("trace", survey, "--at", place_on(simulated, kinds[1]), "--append", "-o", output).code == 0
+    )
+    with contextlib.closing(sqlite3.connect(output)) as db:
+        assert db.execute("SELECT text FROM notes").fetchall() == [("mine",)]
+    with LineFile.opened(output, crs=read_lines(output).crs) as drawing:
+        assert [edit.change.action for edit in drawing.history()][:2] == ["trace", "reject"]
+        assert drawing.lines.review.tolist().count("rejected") == 1
+        assert kinds[1] in drawing.lines.kind.tolist()
+
+
+def test_append_does_not_rewrite_a_file_of_another_program(linework, simulated, survey, tmp_path):
+    output = tmp_path / "roads.gpkg"
+    shape = shapely.to_wkb([shapely.LineString([[0, 0, 0], [9, 0, 0]])])
+    pyogrio.raw.write(output, shape, [], [], geometry_type="LineString Z", crs=simulated.crs, layer="mine")
+    before = output.read_bytes()
+    at = place_on(simulated, "lane_marking")
+    found = linework("trace", survey, "--at", at, "--append", "-o", output)
+    assert found.code == 3
+    assert output.read_bytes() == before
 
 
 def middle_of_lane(simulated):

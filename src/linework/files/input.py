@@ -37,7 +37,8 @@ def is_address(path: Path) -> bool:
 def plainly_named(path: Path) -> Iterator[Path]:
     """Yield a path that GDAL's readers take as it is: that of a link in a temporary folder, where a name is odd.
 
-    They take what follows a ``;``, ``?`` or ``!`` for a part of an address, drop line ends, and need UTF-8. The files
+    They take what follows a ``;``, ``?`` or ``!`` for a part of an address, drop line ends and spaces at the ends, and
+    need UTF-8. The files
     of the same name with other suffixes (.shx, .dbf) are linked too.
     """
     if _is_plain(str(path)):
@@ -54,7 +55,7 @@ def plainly_named(path: Path) -> Iterator[Path]:
 
 def _is_plain(text: str) -> bool:
     is_utf8 = text.encode(errors="replace").decode() == text
-    return is_utf8 and text.isprintable() and not set(";?!").intersection(text)
+    return is_utf8 and text.isprintable() and text == text.strip() and not set(";?!").intersection(text)
 
 
 def matching_paths(base: Path, pattern: str) -> list[Path]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from linework.cli.options import SurveyArgument, WorkFolder
 from linework.cli.said import say
+from linework.errors import InputError, argument
 
 
 def clean(
@@ -20,6 +21,13 @@ def clean(
     from linework.cli.failures import warn
     from linework.runs.opened.work_folder import clean_work_folder, existing_work_folders, survey_root
 
+    missing = next(
+        (path for path in (*surveys, *([] if work is None else [work])) if not path.exists()), None
+    )
+    if missing is not None:
+        raise InputError("does not exist", where=missing, advice="check the path")
+    if work is not None and not work.is_dir():
+        raise InputError("is not a folder", where=work, advice=f"name a folder as {argument('work')}")
     folders = existing_work_folders(survey_root(surveys), work)
     for folder in folders:
         cleaned = clean_work_folder(folder)

@@ -100,7 +100,7 @@ def trace_command(
         held.enter_context(reserve_output(output, overwrite=overwrite or append, inputs=[config]))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
-        from linework.files.vectors.read_write import check_format, write_lines
+        from linework.files.vectors.read_write import check_format
         from linework.library.trace import kinds_to_compile, traced_line
         from linework.runs.compile import compile_stage, compiled_for
         from linework.runs.opened.recordings import opened_recordings
@@ -118,9 +118,7 @@ def trace_command(
         recordings = held.enter_context(opened_recordings(survey, folder, images=False, steps=steps))
         found = traced_line(recordings, place, kind=feature, toward=target, settings=settings, steps=steps)
         with steps.step("write line"):
-            lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
-            kinds = tuple(dict.fromkeys(lines.kind.tolist()))
-            write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
+            _write(found.lines, output, append=append and output.exists(), overwrite=overwrite or append)
     _print(found, output, as_json=as_json)
     _report_left_out(recordings, found, output)
 
@@ -157,7 +155,7 @@ def _trace_image(
         held.enter_context(reserve_output(output, overwrite=overwrite or append, inputs=[image]))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
-        from linework.files.vectors.read_write import check_format, write_lines
+        from linework.files.vectors.read_write import check_format
         from linework.library.trace import traced_edge
         from linework.runs.opened.recordings import opened_recordings
         from linework.runs.opened.work_folder import work_folder
@@ -171,9 +169,7 @@ def _trace_image(
         recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
         found = traced_edge(recordings, image, (col, row), kind=feature, steps=steps)
         with steps.step("write line"):
-            lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
-            kinds = tuple(dict.fromkeys(lines.kind.tolist()))
-            write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
+            _write(found.lines, output, append=append and output.exists(), overwrite=overwrite or append)
     for warning in found.warnings:
         warn(warning)
     _print(found, output, as_json=as_json)
@@ -217,6 +213,17 @@ def _position(option: str, text: str) -> tuple[float, float]:
     return east, north
 
 
+def _write(lines: LineSet, output: Path, *, append: bool, overwrite: bool) -> None:
+    """Write a line, or add it to the lines of a file, joined where it continues one of them."""
+    from linework.files.vectors.read_write import write_lines
+
+    if append and output.suffix.lower() == ".gpkg":
+        _add_to_line_file(lines, output)
+        return
+    lines = _joined_to_output(output, lines) if append else lines
+    write_lines(lines, output, kinds=tuple(dict.fromkeys(lines.kind.tolist())), overwrite=overwrite)
+
+
 def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
     """Return the lines of a file and a new one, joined where it continues one of them."""
     from linework.editing.edits.continued import continue_lines
@@ -228,6 +235,29 @@ def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
         # They would be gone from the file that is written in its place
         raise InputError(left_out, advice="correct them, or write to another file")
     return continue_lines(there, lines)
+
+
+def _add_to_line_file(lines: LineSet, output: Path) -> None:
+    """Add a line to a GeoPackage as one edit: its history, and what other programs put there, stay."""
+    from linework.editing.edits.continued import continue_lines
+    from linework.editing.queue.carried_over import REJECTED_REVIEW
+    from linework.files.line_file.file import LineFile
+    from linework.model.changes import Change
+    from linework.model.lines import LineSet
+
+    with LineFile.opened(output, crs=lines.crs, is_held=True) as drawing:
+        there = drawing.lines
+        shown = there.take(there.review != REJECTED_REVIEW)
+        result = continue_lines(shown, lines)
+        before = {line_id: shown.take([i]) for i, line_id in enumerate(shown.id.tolist())}
+        same = [
+            result.take([i]) == before.get(line_id, LineSet.empty(there.crs))
+            for i, line_id in enumerate(result.id.tolist())
+        ]
+        kept = {line_id for line_id, is_same in zip(result.id.tolist(), same, strict=True) if is_same}
+        replaced = [i for i, line_id in enumerate(shown.id.tolist()) if line_id not in kept]
+        added = [i for i, is_same in enumerate(same) if not is_same]
+        drawing.commit(Change("trace", shown.take(replaced), result.take(added)), who="")
 
 
 def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:

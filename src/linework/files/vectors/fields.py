@@ -79,7 +79,11 @@ def check_writable(lines: LineSet, where: object) -> None:
     """
     if not np.isfinite(lines.xyz).all():
         bad = int(np.flatnonzero(~np.isfinite(lines.xyz).all(axis=1))[0])
-        raise UsageError(f"line {int(lines.line_of_vertex[bad])} has a coordinate that is not finite", where=where,
+        line = int(lines.line_of_vertex[bad])
+        if np.isfinite(lines.xyz[bad, :2]).all():
+            raise UsageError(f"line {line} has a vertex without a height, as lines in two dimensions have", where=where,
+                             advice="give the vertices heights")  # fmt: skip
+        raise UsageError(f"line {line} has a coordinate that is not finite", where=where,
                          advice="leave such lines out")  # fmt: skip
     counts = np.diff(lines.offsets)
     short = np.flatnonzero(counts < 2)

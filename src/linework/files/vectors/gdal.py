@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -53,7 +54,7 @@ def read_foreign(
             left_out += _damaged(source, layer, fids, shapes)
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
-    sets = []
+    sets, all_shapes = [], []
     for layer, meta, fids, shapes, values in read:
         own = stated_crs(meta["crs"], crs, where=path) if meta["crs"] else None
         table = dict(zip(meta["fields"], values, strict=True))
@@ -61,7 +62,10 @@ def read_foreign(
         with np.errstate(invalid="ignore"):
             parsed = shapely.from_wkb(shapes)
         names = [f"feature {fid} of layer {layer}" for fid in fids]
+        all_shapes.append(parsed)
         sets.append(foreign_lines(parsed, kind, table, kinds, own or crs or LOCAL, path, left_out, names))
+    if kinds is None and not left_out and not any(len(lines) for lines in sets) and any(map(len, all_shapes)):
+        raise no_lines_error(np.concatenate(all_shapes), path)
     others = [lines.crs for lines in sets if lines.crs != sets[0].crs]
     if others:
         raise CrsError(
@@ -122,7 +126,8 @@ def foreign_lines(
 ) -> LineSet:  # fmt: skip
     """Return the lines of one layer; with `kinds`, only those whose value it maps to a kind.
 
-    Features with places that are not finite are added to `left_out`, by their names.
+    Features with places that are not finite, and those that are no lines beside others that are, are added to `left_out`,
+    by their names.
     """
     named = ["" if v is None else str(v) for v in values]
     wanted = [i for i, v in enumerate(named) if kinds is None or v in kinds]
@@ -130,8 +135,21 @@ def foreign_lines(
     kept = usable_features(shapes, wanted, names.__getitem__, left_out)
     columns = {name: [table[name][i] for i in kept] for name in LINE_COLUMNS if name in table}
     columns["kind"] = [named[i] if kinds is None else kinds[named[i]] for i in kept]
-    lines, _ = lines_from_geometries(shapes[kept], columns, crs, path)
+    lines, feature = lines_from_geometries(shapes[kept], columns, crs, path)
+    found = {kept[i] for i in feature.tolist()}
+    others = [i for i in kept if i not in found and shapes[i] is not None and not shapes[i].is_empty]
+    if found:
+        left_out += [f"{names[i]}: a {shapes[i].geom_type} is no line" for i in others]
     return lines
+
+
+def no_lines_error(shapes: AnyArray, path: Path) -> InputError:
+    """Return the error to raise for a file with these features, (n,) geometries or None, of which none is a line."""
+    types = Counter("nothing" if shape is None else shape.geom_type for shape in shapes)
+    text = ", ".join(f"{n:,} {name}" for name, n in sorted(types.items()))
+    return InputError(
+        f"no lines in it: its features are {text}", where=path, advice="name the file with the lines"
+    )
 
 
 def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001

@@ -32,7 +32,7 @@ from linework.files.vectors.fields import (
     fields_of_kind,
     vertex_columns,
 )
-from linework.files.vectors.gdal import foreign_lines
+from linework.files.vectors.gdal import foreign_lines, no_lines_error
 from linework.files.vectors.left_out import bad_position
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -163,7 +163,10 @@ def read_geojson(
             return own
     values = columns.get(kind_field, [path.stem] * len(features))
     numbered = [f"feature {i + 1}" for i in chosen]
-    return foreign_lines(shapes, values, columns, kinds, own_crs, path, left_out, numbered)
+    found = foreign_lines(shapes, values, columns, kinds, own_crs, path, left_out, numbered)
+    if kinds is None and not left_out and not len(found) and read and "crs_wkt" not in document:
+        raise no_lines_error(np.array([*read, None], dtype=object)[:-1], path)
+    return found
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -215,14 +218,21 @@ def _shape(feature: dict[str, Any], i: int, left_out: list[str]) -> Any:
 
 def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path: Path) -> str:
     """Return the CRS; without a `crs` member the range of the coordinates tells degrees (RFC 7946) from metres."""
-    wkt = document.get("crs_wkt")
+    wkt, member = document.get("crs_wkt"), document.get("crs")
+    properties = member.get("properties") if isinstance(member, dict) else None
+    name = _epsg_of(str(properties.get("name", "")) if isinstance(properties, dict) else "")
     if isinstance(wkt, str):
-        return stated_crs(wkt, given, where=path)
-    member = document.get("crs")
+        own = stated_crs(wkt, given, where=path)
+        codes = epsg_text(own)
+        # Our own files name the same CRS twice
+        if codes and name.startswith("EPSG:") and not (codes + "+").startswith(name + "+"):
+            raise CrsError(
+                f"names two CRSs: crs is {name}, crs_wkt is {codes}", where=path,
+                advice="remove the member that is wrong",
+            )  # fmt: skip
+        return own
     if isinstance(member, dict):
-        properties = member.get("properties")
-        name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
-        return stated_crs(_epsg_of(name), given, where=path)
+        return stated_crs(name, given, where=path)
     if given is not None:
         return given
     bounds = shapely.total_bounds(shapes)

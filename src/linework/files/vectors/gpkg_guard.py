@@ -149,8 +149,19 @@ def check_geopackage(path: Path) -> None:
             db.execute("PRAGMA trusted_schema = OFF")
             db.set_authorizer(_reads_schema_only)
             check_schema(db, path)
+            db.set_authorizer(None)
+            _check_pages(db, path)
     except sqlite3.Error as error:
         raise InputError(f"cannot be read ({error})", where=path, advice="copy the file again") from error
+
+
+def _check_pages(db: sqlite3.Connection, path: Path) -> None:
+    """Refuse a database with damaged pages: GDAL reads on at the next sound one, and says nothing."""
+    (found, *_), *_ = db.execute("PRAGMA quick_check(1)").fetchall()
+    if found != "ok":
+        raise InputError(
+            f"is damaged ({str(found).splitlines()[-1][:120]})", where=path, advice="copy the file again"
+        )
 
 
 def check_schema(db: sqlite3.Connection, path: Path, *, to_edit: bool = False) -> None:
