@@ -21,7 +21,7 @@ LEVELS = [
     {"errors", "arrays"},
     {"crs", "kernels"},
     {"model", "processes"},
-    {"navigation", "surface", "imaging", "lines"},
+    {"navigation", "scanlines", "surface", "imaging", "lines"},
     {"editing"},
     {"methods"},
     {"published"},

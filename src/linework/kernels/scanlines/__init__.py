@@ -1,0 +1,1 @@
+"""Loops over the scan lines of laser points: tracking, turns of the mirror, spacing, and counts of crossings."""
