@@ -13,7 +13,7 @@ from linework.model.points import Points
 from linework.scanlines.fields import fields_of
 from linework.scanlines.pattern import spacing_pattern
 from linework.scanlines.scan_lines import UNORDERED, ScanLines, ScannerTiming
-from linework.scanlines.timing import LEAP_M, PAUSE_PULSES, DeviceStream, device_streams, scanner_timing
+from linework.scanlines.timing import LEAP_M, PAUSE_PULSES, DeviceStream, device_streams, timing_of_streams
 
 
 def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> ScanLines:
@@ -48,13 +48,13 @@ def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> S
     >>> lines.n_lines, lines.direction[7].tolist()
     (20, [1.0, 0.0])
     """
-    if timing is None:
-        timing = scanner_timing(points)
     n = len(points)
-    if timing.kind == UNORDERED or n == 0:
+    fields = fields_of(points, None if timing is None else timing.used)
+    streams, labels = device_streams(points, fields) if fields.orders and n else ([], [])
+    if timing is None:
+        timing = timing_of_streams(points, fields, streams, labels)
+    if timing.kind == UNORDERED or not streams:
         return _without_lines(points, timing)
-    fields = fields_of(points, timing.used)
-    streams, labels = device_streams(points, fields)
     line = np.full(n, -1, dtype=np.int32)
     known = {(int(s), int(h)): i for i, (s, h) in enumerate(zip(timing.source, timing.head, strict=True))}
     numbers: list[IntArray] = []

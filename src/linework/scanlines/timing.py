@@ -17,7 +17,13 @@ from linework.kernels.scanlines.strings import (
     track_strings,
 )
 from linework.kernels.scanlines.strips import cuts_of_flags, cuts_of_strips, mean_motion
-from linework.kernels.scanlines.turns import cuts_of_angles, cuts_of_turns, in_order_of_ties, turn_of_points
+from linework.kernels.scanlines.turns import (
+    cuts_of_angles,
+    cuts_of_turns,
+    in_order_of_ties,
+    order_by_line,
+    turn_of_points,
+)
 from linework.model.points import Points
 from linework.scanlines.fields import ScanFields, fields_of
 from linework.scanlines.pattern import mean_spacing_m
@@ -86,6 +92,14 @@ def scanner_timing(points: Points) -> ScannerTiming:
         user_data), scan_angle, scan_direction_flag, edge_of_flight_line.
     """
     fields = fields_of(points)
+    streams = device_streams(points, fields) if fields.orders else ([], [])
+    return timing_of_streams(points, fields, *streams)
+
+
+def timing_of_streams(
+    points: Points, fields: ScanFields, devices: list[DeviceStream], labels: list[tuple[int, int]]
+) -> ScannerTiming:
+    """Return the timing of points whose fields and streams are known, see `scanner_timing`."""
     if not fields.orders or fields.time_s is None:
         why = "no times" if fields.time_s is None else "times of whole scans, not of pulses"
         found_out = (f"{why}: direction and spacings are those of the pattern of the points",)
@@ -94,7 +108,6 @@ def scanner_timing(points: Points) -> ScannerTiming:
             turn_s=np.zeros(0), is_merged=np.zeros(0, np.bool_), cut_start=offsets_of([]), cut_s=np.zeros(0), leap_m=LEAP_M, half_chord_m=HALF_CHORD_M,
             ring_m=np.zeros(0), spacing_m=mean_spacing_m(points.xyz), used=(),
         )  # fmt: skip
-    devices, labels = device_streams(points, fields)
     if fields.beam is not None:
         return _spinning(fields, devices, labels)
     kind, how = _kind(fields, devices)
@@ -124,19 +137,27 @@ def scanner_timing(points: Points) -> ScannerTiming:
 def device_streams(points: Points, fields: ScanFields) -> tuple[list[DeviceStream], list[tuple[int, int]]]:
     """Return the streams of points of each source and head, and (source, head) of each, -1 where not known."""
     assert fields.time_s is not None
-    n = len(points)
-    source = np.full(n, -1, dtype=np.int32) if fields.source is None else fields.source
-    head = np.full(n, -1, dtype=np.int32) if fields.head is None else fields.head
     order = _by_time(fields.time_s, points.xyz)
-    time, xyz = fields.time_s[order], points.xyz[order]
-    if fields.source is None and fields.head is None:
-        return [DeviceStream(order, time, xyz)], [(-1, -1)]
-    key = (source.astype(np.int64) * 65536 + head)[order]
+    columns = [fields.source, fields.head]
+    lows = [-1 if values is None else int(values.min()) for values in columns]
+    heads = 1 if fields.head is None else int(fields.head.max()) - lows[1] + 1
+    key = np.zeros(len(points), dtype=np.int32)
+    if fields.source is not None:
+        key += (fields.source - lows[0]) * heads
+    if fields.head is not None:
+        key += fields.head - lows[1]
+    n_keys = int(key.max()) + 1
+    start = np.array([0, len(points)])
+    if n_keys > 1:
+        order, start = order_by_line(key, order, n_keys)
+    # Files are mostly in order, and then nothing is copied
+    is_whole = bool(np.all(order[1:] > order[:-1]))
+    time, xyz = (fields.time_s, points.xyz) if is_whole else (fields.time_s[order], points.xyz[order])
     streams, labels = [], []
-    for value in np.unique(key):
-        own = np.flatnonzero(key == value)
+    for k in np.flatnonzero(np.diff(start)):
+        own = slice(int(start[k]), int(start[k + 1]))
         streams.append(DeviceStream(order[own], time[own], xyz[own]))
-        labels.append((int(source[order[own[0]]]), int(head[order[own[0]]])))
+        labels.append((lows[0] + int(k) // heads, lows[1] + int(k) % heads))
     return streams, labels
 
 
