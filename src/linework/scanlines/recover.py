@@ -144,7 +144,10 @@ def _following(numbers: list[IntArray], is_merged: list[bool], ring_m: FloatArra
     found[0][np.array(is_merged)[device]] = -1
     if n_beams:
         by_size = np.argsort(np.argsort(ring_m, kind="stable"), kind="stable")
-        by_number, by_ring = _next_in(device, turn, laser, most=2), _next_in(device, turn, by_size[laser], most=2)
+        by_number, by_ring = (
+            _next_in(device, turn, laser, most=2),
+            _next_in(device, turn, by_size[laser], most=2),
+        )
         # No line twice: each costs a search
         by_ring[by_ring == by_number] = -1
         found += [by_number, by_ring]
