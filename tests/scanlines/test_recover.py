@@ -176,6 +176,28 @@ def test_random_points_have_no_direction(size):
     assert np.isnan(lines.direction).mean() > 0.97
 
 
+@pytest.mark.parametrize("damage", ["late", "gaps", "equal", "sources", "rings"])
+def test_damaged_fields_are_survived(damage):
+    rng = np.random.default_rng(1)
+    survey = simulate_survey("straight", 1, 40.0, points_per_m=1000.0, scanner="one").points
+    n, time, columns = len(survey), survey.time_s.copy(), dict(survey.columns)
+    if damage == "late":
+        time[::1000] = 1e100
+    elif damage == "gaps":
+        time += np.cumsum(np.where(rng.random(n) < 0.001, 10.0 ** rng.uniform(0, 7, n), 0.0))
+    elif damage == "equal":
+        time[n // 2 :] = time[n // 2]
+    elif damage == "sources":
+        columns["point_source_id"] = rng.uniform(-1e9, 1e9, n)
+    else:
+        columns["ring"] = rng.integers(0, 128, n)
+    columns.pop("scan_angle")
+    lines = recover_scan_lines(Points(survey.xyz, time_s=time, columns=columns))
+    assert len(lines) == n
+    assert lines.n_lines <= n
+    assert lines.kind == "none" or lines.line.min() == 0
+
+
 @pytest.mark.parametrize("n", [0, 1, 2, 7])
 def test_hardly_any_points_are_no_trouble(n):
     rng = np.random.default_rng(n)

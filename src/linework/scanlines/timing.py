@@ -165,7 +165,8 @@ def _by_time(time_s: FloatArray, xyz: FloatArray) -> IntArray:
     # Files are mostly in order already; then sorting costs nothing
     order = np.arange(len(time_s)) if np.all(time_s[1:] >= time_s[:-1]) else np.argsort(time_s)
     order = order.astype(np.int64)
-    in_order_of_ties(order, time_s, xyz)
+    if not in_order_of_ties(order, time_s, xyz):
+        return np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], time_s)).astype(np.int64)
     return order
 
 
