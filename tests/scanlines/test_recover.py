@@ -86,7 +86,8 @@ def test_directions_are_those_of_the_true_lines(recovered):
     own = lines.direction[order[a + half]][flat]
     along = chord[flat, :2] / np.hypot(*chord[flat, :2].T)[:, None]
     off = np.degrees(np.arccos(np.clip(np.sum(own * along, axis=1), -1.0, 1.0)))
-    assert np.isfinite(off).mean() > 0.999
+    assert np.isfinite(off).mean() > 0.99
+    off = off[np.isfinite(off)]
     # Grass scatters the ranges of grazing beams by decimetres, and rings with them
     assert np.quantile(off, 0.9 if not scanner.startswith("spinning") else 0.7) < 3.0
     assert np.median(off) < 1.5
@@ -132,7 +133,7 @@ def test_spacing_to_the_next_line_is_that_of_the_turns():
     middle = survey.trajectory.xyz[len(survey.trajectory) // 2]
     near = np.hypot(*(survey.points.xyz[:, :2] - middle[:2]).T) < 3.0
     wanted = speed / head.turns_per_s * np.cos(np.radians(head.yaw_deg))
-    assert np.median(lines.spacing_across_m[near]) == pytest.approx(wanted, rel=0.15)
+    assert np.nanmedian(lines.spacing_across_m[near]) == pytest.approx(wanted, rel=0.15)
     assert np.isfinite(lines.spacing_across_m).mean() > 0.95
 
 
@@ -165,12 +166,36 @@ def test_points_without_times_have_the_direction_and_spacings_of_their_pattern()
     assert found.angle_deg == pytest.approx(90.0, abs=3.0)
 
 
-def test_random_points_have_no_direction():
+@pytest.mark.parametrize("size", [9.0, 15.0, 60.0])
+def test_random_points_have_no_direction(size):
+    """Nor have those whose coordinates are rounded to centimetres."""
     rng = np.random.default_rng(5)
-    xyz = np.stack([*rng.uniform(0.0, 60.0, (2, 20_000)), np.zeros(20_000)], axis=1)
-    assert mean_spacing_m(xyz) == pytest.approx(0.42, rel=0.1)
+    xyz = np.round(np.stack([*rng.uniform(0.0, size, (2, 20_000)), np.zeros(20_000)], axis=1), 2)
+    assert mean_spacing_m(xyz) == pytest.approx(size / np.sqrt(20_000), rel=0.1)
     lines = recover_scan_lines(Points(xyz))
     assert np.isnan(lines.direction).mean() > 0.97
+
+
+@pytest.mark.parametrize("damage", ["late", "gaps", "equal", "sources", "rings"])
+def test_damaged_fields_are_survived(damage):
+    rng = np.random.default_rng(1)
+    survey = simulate_survey("straight", 1, 40.0, points_per_m=1000.0, scanner="one").points
+    n, time, columns = len(survey), survey.time_s.copy(), dict(survey.columns)
+    if damage == "late":
+        time[::1000] = 1e100
+    elif damage == "gaps":
+        time += np.cumsum(np.where(rng.random(n) < 0.001, 10.0 ** rng.uniform(0, 7, n), 0.0))
+    elif damage == "equal":
+        time[n // 2 :] = time[n // 2]
+    elif damage == "sources":
+        columns["point_source_id"] = rng.uniform(-1e9, 1e9, n)
+    else:
+        columns["ring"] = rng.integers(0, 128, n)
+    columns.pop("scan_angle")
+    lines = recover_scan_lines(Points(survey.xyz, time_s=time, columns=columns))
+    assert len(lines) == n
+    assert lines.n_lines <= n
+    assert lines.kind == "none" or lines.line.min() == 0
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 7])

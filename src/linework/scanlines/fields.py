@@ -10,6 +10,8 @@ from linework.arrays import AnyArray, BoolArray, FloatArray, Int32Array
 from linework.errors import UsageError, argument
 from linework.model.points import Points
 
+#: Later times are damaged, and too coarse for turns of a mirror: steps of 15 us in float64. [s]
+_LATEST_S = 1e11
 #: Columns of the source (flight strip, drive) and of the head of a scanner.
 SOURCE, HEAD = "point_source_id", "scanner_channel"
 #: Names under which files have the number of the laser of a spinning scanner.
@@ -72,9 +74,9 @@ def fields_of(points: Points, used: tuple[str, ...] | None = None) -> ScanFields
         taken though they may be the same for all of the part. None: found from the points.
     """
     time = points.time_s
-    if time is not None and len(time) == 0:
+    if time is not None and (len(time) == 0 or not np.abs(time).max() < _LATEST_S):
         time = None
-    if used is None and time is not None and (not np.isfinite(time).all() or time.min() == time.max()):
+    if used is None and time is not None and time.min() == time.max():
         time = None
     if used is None:
         beam, name = _beams(points)
@@ -119,7 +121,10 @@ def _varying(points: Points, name: str) -> AnyArray | None:
 
 def _whole(points: Points, name: str) -> Int32Array | None:
     values = _varying(points, name)
-    return None if values is None else values.astype(np.int32)
+    # Of 16 bits in every file: other numbers are of something else
+    if values is None or values.min() < 0 or values.max() >= 65536:
+        return None
+    return values.astype(np.int32)
 
 
 def _orders(time_s: FloatArray) -> bool:
@@ -137,7 +142,7 @@ def _beams(points: Points) -> tuple[Int32Array | None, str]:
     """
     for name in (*BEAM_COLUMNS, "user_data"):
         values = _whole(points, name)
-        if values is None or values.min() < 0 or values.max() >= 65536:
+        if values is None:
             continue
         n_values = np.count_nonzero(np.bincount(values))
         if not _BEAMS[0] <= n_values <= _BEAMS[1]:

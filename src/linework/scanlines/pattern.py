@@ -27,6 +27,9 @@ _AROUND = 2
 _LOWEST = 0.35
 #: Fewest points of a block that counts: noise has the same power in blocks of all sizes, patterns have less in few points.
 _LEAST = 60
+#: Farthest that peaks of two halves of the blocks lie apart: noise moves a peak by less than its width, two cycles of a
+#: tapered block. [cycles per block]
+_AGREE = 2.0
 #: One pattern in 1,000 looked at may come of points without any.
 _FALSE = 1e-3
 
@@ -69,8 +72,11 @@ def spacing_pattern(xyz: FloatArray, mean_m: float) -> tuple[Float32Array, Float
     n = len(xyz)
     direction = np.full((n, 2), np.nan, dtype=np.float32)
     along, across = np.full(n, mean_m, dtype=np.float32), np.full(n, mean_m, dtype=np.float32)
-    cell = mean_m / _FINE
-    place = np.floor(xyz[:, :2] / cell).astype(np.int64)
+    # A whole number of centimetres, or of millimetres: files round coordinates to these, and other cells would hold now
+    # one more of the rounded values, now one less, which is a pattern too
+    grain = 0.01 if mean_m / _FINE > 0.03 else 0.001
+    cell = max(round(mean_m / _FINE / grain), 1) * grain
+    place = np.floor(xyz[:, :2] / cell + 0.01).astype(np.int64)
     blocks, of_block = np.unique(place // _CELLS, axis=0, return_inverse=True)
     of_block = of_block.reshape(-1)
     count = np.bincount(of_block, minlength=len(blocks))
@@ -79,16 +85,19 @@ def spacing_pattern(xyz: FloatArray, mean_m: float) -> tuple[Float32Array, Float
     index = {(int(i), int(j)): k for k, (i, j) in enumerate(blocks)}
     found = np.full((len(blocks), 4), np.nan)
     for k, (i, j) in enumerate(blocks):
-        near = [
-            index[a, b]
+        around = [
+            (a, b)
             for a in range(i - _AROUND, i + _AROUND + 1)
             for b in range(j - _AROUND, j + _AROUND + 1)
             if (a, b) in index and count[index[a, b]] >= _LEAST
         ]
-        if near:
-            found[k, :3] = _lines_of(spectra[near].mean(axis=0), len(near), cell)
+        # Black and white fields of a chessboard
+        near = [[index[a, b] for a, b in around if (a + b) % 2 == colour] for colour in (0, 1)]
+        if near[0] and near[1]:
+            found[k, :3] = _lines_of([spectra[half].mean(axis=0) for half in near], len(around), cell)
             # One point for each spacing along times spacing across
-            found[k, 3] = area[near].sum() / count[near].sum() / found[k, 2]
+            both = near[0] + near[1]
+            found[k, 3] = area[both].sum() / count[both].sum() / found[k, 2]
     own = found[of_block]
     has = np.isfinite(own[:, 0])
     direction[has] = own[has, :2]
@@ -117,9 +126,13 @@ def _spectra(place: IntArray, of_block: IntArray, n_blocks: int, count: IntArray
     return spectra
 
 
-def _lines_of(power: Float32Array, n_blocks: int, cell: float) -> tuple[float, float, float]:
-    """Return the direction of the lines (x, y) and their distance [m]; NaN: no pattern."""
+def _lines_of(halves: list[Float32Array], n_blocks: int, cell: float) -> tuple[float, float, float]:
+    """Return the direction of the lines (x, y) and their distance [m]; NaN: no pattern.
+
+    The two halves of the blocks must agree: what stands out by chance, or by one object, does so in one of them.
+    """
     none = (np.nan, np.nan, np.nan)
+    power = 0.5 * (halves[0] + halves[1])
     fx = np.fft.fftfreq(_CELLS)[:, None] * _FINE
     fy = np.fft.rfftfreq(_CELLS)[None, :] * _FINE
     radius = np.hypot(fx, fy)
@@ -133,6 +146,12 @@ def _lines_of(power: Float32Array, n_blocks: int, cell: float) -> tuple[float, f
     if best[u, v] < limit * max(level, 1.0):
         return none
     kx, ky = _peak(power, int(u), int(v))
+    for half in halves:
+        own = np.where(allowed, half, 0.0)
+        a, b = np.unravel_index(int(np.argmax(own)), own.shape)
+        x, y = _peak(own, int(a), int(b))
+        if min(np.hypot(x - kx, y - ky), np.hypot(x + kx, y + ky)) > _AGREE:
+            return none
     k = float(np.hypot(kx, ky))
     return -ky / k, kx / k, _CELLS * cell / k
 

@@ -13,7 +13,7 @@ from linework.model.points import Points
 from linework.scanlines.fields import fields_of
 from linework.scanlines.pattern import spacing_pattern
 from linework.scanlines.scan_lines import UNORDERED, ScanLines, ScannerTiming
-from linework.scanlines.timing import LEAP_M, PAUSE_PULSES, DeviceStream, device_streams, scanner_timing
+from linework.scanlines.timing import LEAP_M, PAUSE_PULSES, DeviceStream, device_streams, timing_of_streams
 
 
 def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> ScanLines:
@@ -35,7 +35,8 @@ def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> S
     string. Where the points have no times, direction and spacing are those of the pattern of the points.
 
     With the timing of the whole, lines and beams of a part are exactly those of the whole, but for streams of several
-    heads, in which, as with direction and spacings, what lies within 5 m (and 8 spacings) around a point decides.
+    heads: there what lies within 5 m of a point decides. It decides about directions and spacings too (in the air, 24
+    spacings; of a pattern, three blocks), but where a line is parted by something that the part lacks, far behind it.
 
     Examples
     --------
@@ -47,21 +48,29 @@ def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> S
     >>> lines.n_lines, lines.direction[7].tolist()
     (20, [1.0, 0.0])
     """
-    if timing is None:
-        timing = scanner_timing(points)
     n = len(points)
-    if timing.kind == UNORDERED or n == 0:
+    fields = fields_of(points, None if timing is None else timing.used)
+    streams, labels = device_streams(points, fields) if fields.orders and n else ([], [])
+    if timing is None:
+        timing = timing_of_streams(points, fields, streams, labels)
+    if timing.kind == UNORDERED or not streams:
         return _without_lines(points, timing)
-    fields = fields_of(points, timing.used)
-    streams, labels = device_streams(points, fields)
     line = np.full(n, -1, dtype=np.int32)
     known = {(int(s), int(h)): i for i, (s, h) in enumerate(zip(timing.source, timing.head, strict=True))}
     numbers: list[IntArray] = []
-    n_lines = n_beams = 0
-    if fields.beam is not None:
-        n_beams = int(fields.beam.max()) + 1
+    is_merged: list[bool] = []
+    turns: list[float] = []
+    n_lines, n_beams = 0, len(timing.ring_m)
     for stream, label in zip(streams, labels, strict=True):
-        number = _numbers(stream, timing, known.get(label))
+        if label not in known:
+            raise UsageError(
+                "points are of a source or head that the timing does not have",
+                where=argument("points"),
+                advice="make the timing from all points of the survey",
+            )
+        turns.append(float(timing.turn_s[known[label]]))
+        is_merged.append(bool(timing.is_merged[known[label]]))
+        number = _numbers(stream, timing, known[label])
         if n_beams:
             assert fields.beam is not None
             number = number * n_beams + fields.beam[stream.points]
@@ -71,13 +80,18 @@ def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> S
         n_lines += len(existing)
     by_device = np.concatenate([stream.points for stream in streams])
     order, start = order_by_line(line, by_device, n_lines)
-    rank, position, direction, along = place_along_lines(order, start, points.xyz, timing.leap_m)
-    following = _following(numbers, n_beams, line, points.xyz, fields.beam)
+    rank, position, direction, along = place_along_lines(
+        order, start, points.xyz, timing.leap_m, timing.half_chord_m
+    )
+    following = _following(numbers, is_merged, timing.ring_m)
+    delay = np.zeros(following.shape)
+    delay[:, 0] = np.repeat(turns, [len(n) for n in numbers])
     assert fields.time_s is not None
     if timing.is_merged.any():
         strings = next_strings(by_device, fields.time_s, points.xyz, line, direction, n_lines)
         following = np.concatenate([following, strings[:, None]], axis=1)
-    across = spacing_to_next(order, start, points.xyz, direction, following)
+        delay = np.concatenate([delay, np.full((n_lines, 1), np.nan)], axis=1)
+    across = spacing_to_next(order, start, points.xyz, fields.time_s, direction, following, delay)
     first = order[start[:-1]]
     beam = np.full(n, -1, dtype=np.int32) if fields.beam is None else fields.beam
     return ScanLines(
@@ -98,14 +112,8 @@ def _without_lines(points: Points, timing: ScannerTiming) -> ScanLines:
     )  # fmt: skip
 
 
-def _numbers(stream: DeviceStream, timing: ScannerTiming, device: int | None) -> IntArray:
+def _numbers(stream: DeviceStream, timing: ScannerTiming, device: int) -> IntArray:
     """Return the number of each point's turn or string, (n,) int64."""
-    if device is None:
-        raise UsageError(
-            "points are of a source or head that the timing does not have",
-            where=argument("points"),
-            advice="make the timing from all points of the survey",
-        )
     if timing.is_merged[device]:
         pulse = float(timing.pulse_s[device])
         return track_strings(stream.time_s, stream.xyz, pulse, LEAP_M, PAUSE_PULSES).astype(np.int64)
@@ -123,29 +131,26 @@ def _at(values: Int32Array | None, index: IntArray) -> Int32Array:
     return np.full(len(index), -1, dtype=np.int32) if values is None else values[index]
 
 
-def _following(
-    numbers: list[IntArray], n_beams: int, line: Int32Array, xyz: FloatArray, beam: Int32Array | None
-) -> IntArray:
+def _following(numbers: list[IntArray], is_merged: list[bool], ring_m: FloatArray) -> IntArray:
     """Return the lines that may be next to each line, (m, k) int64, -1 for none: of the next turn, of the next lasers.
 
     Numbers of lasers are in the order of their elevations, or in that of the housing: then it is the order of the sizes
-    of their rings that tells neighbours.
+    of their rings that tells neighbours. Strings of several heads have no such order.
     """
     device = np.repeat(np.arange(len(numbers)), [len(n) for n in numbers])
-    number = np.concatenate(numbers)
+    number, n_beams = np.concatenate(numbers), len(ring_m)
     turn, laser = (number // n_beams, number % n_beams) if n_beams else (number, np.zeros_like(number))
     found = [_next_in(device, laser, turn, most=2)]
-    if beam is not None:
-        _, scan = np.unique(np.stack([device, turn], axis=1), axis=0, return_inverse=True)
-        of_point = scan.reshape(-1)[line]
-        count = np.bincount(of_point)
-        centre = [np.bincount(of_point, xyz[:, c]) / count for c in (0, 1)]
-        away = np.hypot(xyz[:, 0] - centre[0][of_point], xyz[:, 1] - centre[1][of_point])
-        size = np.bincount(beam, away, minlength=n_beams) / np.maximum(
-            np.bincount(beam, minlength=n_beams), 1
+    found[0][np.array(is_merged)[device]] = -1
+    if n_beams:
+        by_size = np.argsort(np.argsort(ring_m, kind="stable"), kind="stable")
+        by_number, by_ring = (
+            _next_in(device, turn, laser, most=2),
+            _next_in(device, turn, by_size[laser], most=2),
         )
-        by_size = np.argsort(np.argsort(size, kind="stable"), kind="stable")
-        found += [_next_in(device, turn, laser, most=2), _next_in(device, turn, by_size[laser], most=2)]
+        # No line twice: each costs a search
+        by_ring[by_ring == by_number] = -1
+        found += [by_number, by_ring]
     return np.stack(found, axis=1)
 
 

@@ -92,12 +92,19 @@ class ScannerTiming:
         (d,) int32: source and head of each device, -1 where points have no such field.
     pulse_s
         (d,) float64 [s]: time between two pulses.
+    turn_s
+        (d,) float64 [s]: time between the beginnings of two lines; NaN: unknown, or the spot moves to and fro.
     is_merged
         (d,) bool: the device is several heads in one stream, told apart by tracking only.
     cut_start, cut_s
         (d + 1,) int64 and (c,) float64 [s]: when the lines of each device begin.
     leap_m
         Farthest that two successive points of a line are apart without a gap. [m]
+    half_chord_m
+        Directions are measured over this distance to either side. [m]
+    ring_m
+        (b,) float64 [m]: mean distance of the points of each laser of a spinning scanner from the middle of its turns;
+        empty for others.
     spacing_m
         Mean spacing of the points in plan, for points without lines. [m]
     used
@@ -109,10 +116,13 @@ class ScannerTiming:
     source: Int32Array
     head: Int32Array
     pulse_s: FloatArray
+    turn_s: FloatArray
     is_merged: BoolArray
     cut_start: IntArray
     cut_s: FloatArray
     leap_m: float
+    half_chord_m: float
+    ring_m: FloatArray
     spacing_m: float
     used: tuple[str, ...]
 

@@ -5,11 +5,11 @@ Separate from `linework.scanlines.recover`: this is done once for a survey, that
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray, offsets_of
+from linework.arrays import BoolArray, FloatArray, Int32Array, IntArray, offsets_of
 from linework.kernels.scanlines.strings import (
     share_interleaved,
     speed_of_spot,
@@ -17,7 +17,13 @@ from linework.kernels.scanlines.strings import (
     track_strings,
 )
 from linework.kernels.scanlines.strips import cuts_of_flags, cuts_of_strips, mean_motion
-from linework.kernels.scanlines.turns import cuts_of_angles, cuts_of_turns, in_order_of_ties
+from linework.kernels.scanlines.turns import (
+    cuts_of_angles,
+    cuts_of_turns,
+    in_order_of_ties,
+    order_by_line,
+    turn_of_points,
+)
 from linework.model.points import Points
 from linework.scanlines.fields import ScanFields, fields_of
 from linework.scanlines.pattern import mean_spacing_m
@@ -26,6 +32,8 @@ from linework.scanlines.scan_lines import AIRBORNE, PROFILE, SPINNING, UNORDERED
 #: A spot that leaves its string by more than this is on another thing: a car or a pole stands out by less, walls and
 #: ditches beside a road by about as much. [m]
 LEAP_M = 1.5
+#: A direction is measured over this distance to either side: range noise of 2 cm turns a chord of 1 m by 1.6 degrees. [m]
+HALF_CHORD_M = 0.5
 #: A pause of more pulses ends a string: the beam went through the sky, or behind something. [pulses]
 PAUSE_PULSES = 60.0
 #: How near the spot comes to a place again after one turn: a vehicle moves less in a turn, at 30 m/s and 10 Hz. [m]
@@ -84,50 +92,72 @@ def scanner_timing(points: Points) -> ScannerTiming:
         user_data), scan_angle, scan_direction_flag, edge_of_flight_line.
     """
     fields = fields_of(points)
+    streams = device_streams(points, fields) if fields.orders else ([], [])
+    return timing_of_streams(points, fields, *streams)
+
+
+def timing_of_streams(
+    points: Points, fields: ScanFields, devices: list[DeviceStream], labels: list[tuple[int, int]]
+) -> ScannerTiming:
+    """Return the timing of points whose fields and streams are known, see `scanner_timing`."""
     if not fields.orders or fields.time_s is None:
         why = "no times" if fields.time_s is None else "times of whole scans, not of pulses"
         found_out = (f"{why}: direction and spacings are those of the pattern of the points",)
         return ScannerTiming(
             kind=UNORDERED, how=found_out, source=np.zeros(0, np.int32), head=np.zeros(0, np.int32), pulse_s=np.zeros(0),
-            is_merged=np.zeros(0, np.bool_), cut_start=offsets_of([]), cut_s=np.zeros(0), leap_m=LEAP_M,
-            spacing_m=mean_spacing_m(points.xyz), used=(),
+            turn_s=np.zeros(0), is_merged=np.zeros(0, np.bool_), cut_start=offsets_of([]), cut_s=np.zeros(0), leap_m=LEAP_M, half_chord_m=HALF_CHORD_M,
+            ring_m=np.zeros(0), spacing_m=mean_spacing_m(points.xyz), used=(),
         )  # fmt: skip
-    devices, labels = device_streams(points, fields)
     if fields.beam is not None:
         return _spinning(fields, devices, labels)
     kind, how = _kind(fields, devices)
-    pulses, merged, cuts = [], [], []
+    pulses, merged, to_and_fro, cuts = [], [], [], []
     for stream in devices:
         pulse = _pulse_s(stream.time_s)
         pulses.append(pulse)
         if kind == AIRBORNE:
-            found, said = _strip_cuts(fields, stream, pulse)
+            found, said, swings = _strip_cuts(fields, stream, pulse)
             merged.append(False)
+            to_and_fro.append(swings)
         else:
             found, said, is_merged = _profile_cuts(fields, stream, pulse)
             merged.append(is_merged)
+            to_and_fro.append(False)
         cuts.append(found)
         if said not in how:
             how = (*how, said)
-    return _timing(kind, how, fields, labels, pulses, merged, cuts, devices)
+    return replace(
+        _timing(kind, how, fields, labels, pulses, merged, cuts, devices),
+        turn_s=np.array(
+            [np.nan if swings else _turn_s(c) for swings, c in zip(to_and_fro, cuts, strict=True)]
+        ),
+    )
 
 
 def device_streams(points: Points, fields: ScanFields) -> tuple[list[DeviceStream], list[tuple[int, int]]]:
     """Return the streams of points of each source and head, and (source, head) of each, -1 where not known."""
     assert fields.time_s is not None
-    n = len(points)
-    source = np.full(n, -1, dtype=np.int32) if fields.source is None else fields.source
-    head = np.full(n, -1, dtype=np.int32) if fields.head is None else fields.head
     order = _by_time(fields.time_s, points.xyz)
-    time, xyz = fields.time_s[order], points.xyz[order]
-    if fields.source is None and fields.head is None:
-        return [DeviceStream(order, time, xyz)], [(-1, -1)]
-    key = (source.astype(np.int64) * 65536 + head)[order]
+    columns = [fields.source, fields.head]
+    lows = [-1 if values is None else int(values.min()) for values in columns]
+    heads = 1 if fields.head is None else int(fields.head.max()) - lows[1] + 1
+    key = np.zeros(len(points), dtype=np.int32)
+    if fields.source is not None:
+        key += (fields.source - lows[0]) * heads
+    if fields.head is not None:
+        key += fields.head - lows[1]
+    n_keys = int(key.max()) + 1
+    start = np.array([0, len(points)])
+    if n_keys > 1:
+        order, start = order_by_line(key, order, n_keys)
+    # Files are mostly in order, and then nothing is copied
+    is_whole = bool(np.all(order[1:] > order[:-1]))
+    time, xyz = (fields.time_s, points.xyz) if is_whole else (fields.time_s[order], points.xyz[order])
     streams, labels = [], []
-    for value in np.unique(key):
-        own = np.flatnonzero(key == value)
+    for k in np.flatnonzero(np.diff(start)):
+        own = slice(int(start[k]), int(start[k + 1]))
         streams.append(DeviceStream(order[own], time[own], xyz[own]))
-        labels.append((int(source[order[own[0]]]), int(head[order[own[0]]])))
+        labels.append((lows[0] + int(k) // heads, lows[1] + int(k) % heads))
     return streams, labels
 
 
@@ -135,7 +165,8 @@ def _by_time(time_s: FloatArray, xyz: FloatArray) -> IntArray:
     # Files are mostly in order already; then sorting costs nothing
     order = np.arange(len(time_s)) if np.all(time_s[1:] >= time_s[:-1]) else np.argsort(time_s)
     order = order.astype(np.int64)
-    in_order_of_ties(order, time_s, xyz)
+    if not in_order_of_ties(order, time_s, xyz):
+        return np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], time_s)).astype(np.int64)
     return order
 
 
@@ -229,15 +260,14 @@ def _mode(values: FloatArray) -> float:
     return float(np.median(ordered[at : at + k + 1]))
 
 
-def _strip_cuts(fields: ScanFields, stream: DeviceStream, pulse_s: float) -> tuple[FloatArray, str]:
-    """Return when the lines of a flight strip begin, and how that was found."""
+def _strip_cuts(fields: ScanFields, stream: DeviceStream, pulse_s: float) -> tuple[FloatArray, str, bool]:
+    """Return when the lines of a flight strip begin, how that was found, and whether the spot moves to and fro."""
     n = len(stream.points)
     flag = np.zeros(n, dtype=np.int32) if fields.flag is None else fields.flag[stream.points]
     edge = np.zeros(n, dtype=np.bool_) if fields.is_edge is None else fields.is_edge[stream.points]
     if flag.min() != flag.max():
-        return cuts_of_flags(
-            stream.time_s, flag, edge, _LONGEST_PAUSE_S
-        ), "lines by the flag of the scan direction"
+        cuts = cuts_of_flags(stream.time_s, flag, edge, _LONGEST_PAUSE_S)
+        return cuts, "lines by the flag of the scan direction", True
     x, y, double_x, double_y = mean_motion(stream.time_s, stream.xyz, 3.0 * pulse_s)
     to_and_fro = bool(np.hypot(x, y) < 0.5 * np.hypot(double_x, double_y))
     heading = 0.5 * np.arctan2(double_y, double_x) if to_and_fro else np.arctan2(y, x)
@@ -253,7 +283,7 @@ def _strip_cuts(fields: ScanFields, stream: DeviceStream, pulse_s: float) -> tup
     if edge.any():
         cuts = np.union1d(cuts, cuts_of_flags(stream.time_s, flag, edge, np.inf))
         how += ", and by the flag of their ends"
-    return cuts, how
+    return cuts, how, to_and_fro
 
 
 def _spinning(
@@ -277,7 +307,31 @@ def _spinning(
             rate = rate or "no place is met twice by one laser: one turn of the lidar"
     n = int(np.count_nonzero(np.bincount(fields.beam - fields.beam.min())))
     how = (f"{n} lasers by the field {fields.beam_field}", rate)
-    return _timing(SPINNING, how, fields, labels, pulses, [False] * len(devices), cuts, devices)
+    rings = _rings(fields.beam, devices, cuts)
+    return _timing(SPINNING, how, fields, labels, pulses, [False] * len(devices), cuts, devices, rings)
+
+
+def _rings(beam: Int32Array, devices: list[DeviceStream], cuts: list[FloatArray]) -> FloatArray:
+    """Return the mean distance of the points of each laser from the middle of its turns, (b,) [m]."""
+    n_beams = int(beam.max()) + 1
+    total, count = np.zeros(n_beams), np.zeros(n_beams)
+    for stream, own_cuts in zip(devices, cuts, strict=True):
+        turn = turn_of_points(stream.time_s, own_cuts)
+        n = np.maximum(np.bincount(turn), 1)
+        x, y = (stream.xyz[:, c] - (np.bincount(turn, stream.xyz[:, c]) / n)[turn] for c in (0, 1))
+        total += np.bincount(beam[stream.points], np.hypot(x, y), n_beams)
+        count += np.bincount(beam[stream.points], minlength=n_beams)
+    return np.asarray(total / np.maximum(count, 1.0), dtype=np.float64)
+
+
+def _turn_s(cuts: FloatArray) -> float:
+    """Return the time between the beginnings of two lines; NaN where it is not one: the spot moves to and fro."""
+    if len(cuts) < 3:
+        return float("nan")
+    step = np.diff(cuts)
+    turn = float(np.median(step))
+    # Strips that are wider than what the points cover are drawn there and back at two times
+    return turn if np.mean(np.abs(step - turn) < 0.1 * turn) > 0.5 else float("nan")
 
 
 def _timing(
@@ -289,12 +343,14 @@ def _timing(
     merged: list[bool],
     cuts: list[FloatArray],
     devices: list[DeviceStream],
+    ring_m: FloatArray | None = None,
 ) -> ScannerTiming:
-    leap = LEAP_M
+    leap, half_chord = LEAP_M, HALF_CHORD_M
     if kind == AIRBORNE:
         # Eight times the usual distance between two pulses: a wet patch or a lost return is no end of a line
         steps = [np.linalg.norm(np.diff(d.xyz[:100_000], axis=0), axis=1) for d in devices]
-        leap = max(LEAP_M, 8.0 * float(np.median(np.concatenate(steps))))
+        # Leaves and ground of neighbouring pulses are shifted along the line: directions reach as far
+        leap = half_chord = max(LEAP_M, 8.0 * float(np.median(np.concatenate(steps))))
     merged_flags: BoolArray = np.array(merged, dtype=np.bool_)
     return ScannerTiming(
         kind=kind,
@@ -302,10 +358,13 @@ def _timing(
         source=np.array([source for source, _ in labels], dtype=np.int32),
         head=np.array([head for _, head in labels], dtype=np.int32),
         pulse_s=np.array(pulses, dtype=np.float64),
+        turn_s=np.array([_turn_s(c) for c in cuts], dtype=np.float64),
         is_merged=merged_flags,
         cut_start=offsets_of([len(c) for c in cuts]),
         cut_s=np.concatenate([np.zeros(0), *cuts]),
         leap_m=leap,
+        half_chord_m=half_chord,
+        ring_m=np.zeros(0) if ring_m is None else ring_m,
         spacing_m=float("nan"),
         used=fields.used,
     )

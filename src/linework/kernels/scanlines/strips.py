@@ -83,13 +83,15 @@ def cuts_of_strips(
                 cuts.append(time_s[i - 1] + 0.5 * dt)
             continue
         last = min(i + _AROUND, n - 1)
-        if time_s[last] - time_s[i] > pause_pulses * pulse_s:
-            continue
+        while time_s[last] - time_s[i] > pause_pulses * pulse_s:
+            last -= 1
         ahead = (xyz[last, 0] - xyz[i, 0]) * direction[0] + (xyz[last, 1] - xyz[i, 1]) * direction[1]
+        if ahead == 0.0:
+            continue
         now = 1 if ahead > 0.0 else -1
         if forward != 0 and now != forward:
-            # The spot is back at its height across the strip: it turned half way
-            turned = i + (last - i) // 2
+            # It turned in the pause, outside of what the points cover, or half way to where it is back across the strip
+            turned = i if dt > pause_pulses * pulse_s else i + (last - i) // 2
             cuts.append(0.5 * (time_s[turned - 1] + time_s[turned]))
         forward = now
     return np.array(cuts)

@@ -7,6 +7,8 @@ from numba import njit
 
 from linework.arrays import FloatArray, Int32Array, IntArray
 
+#: Points of one time that are sorted by insertion.
+_MOST_TIES = 1000
 #: Bins of a turn in which its points are counted; the cut is put where the fewest are within a tenth of a turn.
 _PHASES, _ARC = 200, 20
 #: Turns from which the first cut is found.
@@ -19,8 +21,10 @@ _LOST_TURNS = 5.0
 
 
 @njit(cache=True, nogil=True)
-def in_order_of_ties(order: IntArray, time_s: FloatArray, xyz: FloatArray) -> None:
-    """Sort points of equal time by x, y and z, in place: order of the file must not matter.
+def in_order_of_ties(order: IntArray, time_s: FloatArray, xyz: FloatArray) -> bool:
+    """Sort points of equal time by x, y and z, in place, and return whether that was done for all.
+
+    The order of the file must not matter. It is for a few points of a time, by insertion: not for more than 1,000.
 
     Parameters
     ----------
@@ -32,6 +36,8 @@ def in_order_of_ties(order: IntArray, time_s: FloatArray, xyz: FloatArray) -> No
         end = first + 1
         while end < n and time_s[order[end]] == time_s[order[first]]:
             end += 1
+        if end - first > _MOST_TIES:
+            return False
         for i in range(first + 1, end):
             p, j = order[i], i
             while j > first and _before(xyz, p, order[j - 1]):
@@ -39,6 +45,7 @@ def in_order_of_ties(order: IntArray, time_s: FloatArray, xyz: FloatArray) -> No
                 j -= 1
             order[j] = p
         first = end
+    return True
 
 
 @njit(cache=True, nogil=True)
