@@ -33,27 +33,35 @@ class WorldResult:
 
 def real_worlds(data: Path, names: tuple[str, ...] = ()) -> list[WorldResult]:
     """Extract and score every survey that there is a reference for; a survey that is missing says so."""
-    results = []
+    results: list[WorldResult] = []
+    # Several references may lie in one file
+    seen: dict[str, tuple[LineSet, float]] = {}
     for reference in read_references(data):
         if names and reference.name not in names:
             continue
-        result = scored_survey(reference, data)
+        result = scored_survey(reference, data, seen)
         results.append(result)
         print(f"{reference.name}: {result.problem or f'{result.seconds:.1f} s'}", flush=True)
     return results
 
 
-def scored_survey(reference: Reference, data: Path) -> WorldResult:
+def scored_survey(
+    reference: Reference, data: Path, seen: dict[str, tuple[LineSet, float]] | None = None
+) -> WorldResult:
+    """Extract and score one survey; `seen` keeps what was extracted from a file, and its time."""
+    seen = {} if seen is None else seen
     if not (data / reference.file).exists():
         return WorldResult(reference, problem=f"{reference.file} is not in {data.name or data}")
     start = time.perf_counter()
     try:
-        found = extracted(data / reference.file, reference.crs)
+        if reference.file not in seen:
+            found = extracted(data / reference.file, reference.crs)
+            seen[reference.file] = found, time.perf_counter() - start
     except LineworkError as problem:
         return WorldResult(
             reference, seconds=time.perf_counter() - start, problem=str(problem).splitlines()[0]
         )
-    return judged(found, reference, time.perf_counter() - start)
+    return judged(seen[reference.file][0], reference, seen[reference.file][1])
 
 
 def extracted(path: Path, crs: str) -> LineSet:
@@ -110,7 +118,7 @@ def real_table(results: list[WorldResult]) -> ReportTable:
         reference = result.reference
         name, size = reference.name, reference.hectares
         if result.problem:
-            rows.append((name, result.problem[:60], *[""] * 8))
+            rows.append((name, result.problem, *[""] * 8))
             continue
         first = number(result.seconds, 1)
         for one in result.scores:

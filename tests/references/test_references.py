@@ -36,6 +36,7 @@ def test_there_is_a_reference_for_every_folder_of_real_data():
     names = {path.stem for path in PATHS}
     for folder in (
         "here-a22",
+        "kitti-drive0005",
         "als-roads-t",
         "als-roads-more",
         "av2",
