@@ -57,7 +57,7 @@ def test_a_reference_says_what_is_true_where_and_how_it_was_measured(path):
     assert 0.0 < reference.accuracy_m <= reference.tolerance_m <= 0.5
     assert len(reference.measured) > 30
     assert reference.area.is_valid
-    assert reference.hectares > 0.005
+    assert reference.hectares > 0.002
     assert np.isfinite(reference.lines.xyz).all()
     # A vertex that slipped shows as a corner
     for i in range(len(reference.lines)):
