@@ -167,8 +167,17 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
         return []
     n_dims = 3 if kind == "cable" else 2
     causes = [("found, but off", is_near(missed, of_kinds(found, kind), OFF_M, n_dims=n_dims))]
-    alike = [k for k in (_PAINT if kind in _PAINT else _STANDING if kind in _STANDING else ()) if k != kind]
-    causes += [(f"taken for {other}", is_near(missed, of_kinds(found, other), OFF_M)) for other in alike]
+    if kind == "lane_marking_dash":
+        causes.append(
+            ("its line found, the dash not", is_near(missed, of_kinds(found, "lane_marking"), OFF_M))
+        )
+    # A dash is part of a lane marking, so that only other paint is another thing
+    others = (
+        ("lane_marking", "road_marking_other") if kind in _PAINT else _STANDING if kind in _STANDING else ()
+    )
+    for other in others:
+        if other != kind:
+            causes.append((f"taken for {other}", is_near(missed, of_kinds(found, other), OFF_M)))
     if kind in _PAINT:
         short = places_of(truth.take((truth.kind == kind) & (lengths_m(truth) < SHORT_M)), DENSE_M)
         before = of_kinds(stages.tracked, kind)
@@ -210,7 +219,7 @@ def false_causes(kind: str, false: Places, truth: LineSet, stages: Stages) -> li
     causes = [("beside its own truth, off", is_near(false, of_kinds(truth, kind), OFF_M, n_dims=n_dims))]
     if kind == "cable":
         return first_cause([*causes, *cable_causes(false, truth, stages)], "elsewhere")
-    other_paint = [k for k in _PAINT if k != kind]
+    other_paint = [k for k in ("lane_marking", "road_marking_other") if k != kind]
     if kind in _PAINT:
         across = is_near(false, of_kinds(truth, "road_marking_other"), THING_M, any_direction=True)
         causes += [

@@ -16,7 +16,7 @@ from linework.evaluation.tolerance import KindMatch
 from linework.methods.obb.method import OBB_KINDS, Obb
 from linework.methods.radon.method import Radon
 from linework.model.boxes import BoxSet
-from linework.model.lines import LineSet
+from linework.model.lines import KINDS, LineSet
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey
 from linework.surface.road import find_ground
 
@@ -120,7 +120,7 @@ def causes_table(results: Sequence[SceneResult]) -> ReportTable:
         metres: dict[tuple[str, str], dict[str, float]] = defaultdict(lambda: defaultdict(float))
         for cause in result.causes:
             metres[cause.kind, cause.failure][cause.cause] += cause.metres
-        for (kind, failure), of_cause in metres.items():
+        for (kind, failure), of_cause in sorted(metres.items(), key=_in_order):
             whole = sum(of_cause.values())
             for why, length_m in sorted(of_cause.items(), key=lambda item: (-item[1], item[0])):
                 rows.append(
@@ -128,6 +128,12 @@ def causes_table(results: Sequence[SceneResult]) -> ReportTable:
                 )
     columns = ("scene", "kind", "failure", "cause", "m", "share")
     return ReportTable("Failures by cause", columns, tuple(rows), "the first cause that fits, every 0.5 m")
+
+
+def _in_order(item: tuple[tuple[str, str], dict[str, float]]) -> tuple[int, str]:
+    """Sort by kind, in the order of the layers, and missed before false."""
+    (kind, failure), _ = item
+    return KINDS.index(kind), "" if failure == "missed" else failure
 
 
 def summed(results: Sequence[SceneResult]) -> SceneResult:
