@@ -175,9 +175,11 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
     others = (
         ("lane_marking", "road_marking_other") if kind in _PAINT else _STANDING if kind in _STANDING else ()
     )
-    for other in others:
-        if other != kind:
-            causes.append((f"taken for {other}", is_near(missed, of_kinds(found, other), OFF_M)))
+    causes += [
+        (f"taken for {other}", is_near(missed, of_kinds(found, other), OFF_M))
+        for other in others
+        if other != kind
+    ]
     if kind in _PAINT:
         short = places_of(truth.take((truth.kind == kind) & (lengths_m(truth) < SHORT_M)), DENSE_M)
         before = of_kinds(stages.tracked, kind)
