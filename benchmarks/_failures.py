@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray
@@ -34,6 +35,8 @@ SECOND_M = 2.0
 SHORT_M = 1.5
 #: Points this near the line of a cable lie on it [m], and this far they are clutter [m].
 ON_CABLE_M, CLUTTER_M = 0.3, 1.5
+#: Half the width of paint, with the scatter of the points [m]; points on 1.5 m that are too few to show a line.
+ON_PAINT_M, FEW_POINTS = 0.15, 5
 #: A cable needs points of this many scan lines to be more than what one beam hit.
 FEW_SCAN_LINES = 3
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
@@ -70,6 +73,8 @@ class Stages:
     ground: Ground
     points: Points
     scan_line_s: float
+    #: The path of the vehicle, (n, 3) [m, world]; empty where there is none.
+    path: FloatArray
 
     def of_forms(self, *forms: BoxForm) -> Places:
         chosen = np.isin(self.boxes.form, forms)
@@ -193,6 +198,7 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
             ("seen, not linked", seen),
             ("seen as wide paint", is_near(missed, other, OFF_M, any_direction=True)),
             ("off what was taken for road", ~on_road(missed, stages.ground)),
+            ("few points on it", n_points_on(missed, stages, ON_PAINT_M) < FEW_POINTS),
         ]
         return first_cause(causes, "not seen as paint")
     if kind in ("road_boundary", "kerb_top"):
@@ -207,7 +213,7 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
         ]
         return first_cause(causes, "not seen as an edge")
     if kind == "cable":
-        causes.append(("few points on it", n_points_on(missed, stages) < 3))
+        causes.append(("few points on it", n_points_on(missed, stages, ON_CABLE_M) < FEW_POINTS))
         return first_cause(causes, "not found")
     causes.append(("far from what was taken for road", ~near_road(missed, stages.ground)))
     return first_cause(causes, "not found")
@@ -241,7 +247,10 @@ def false_causes(kind: str, false: Places, truth: LineSet, stages: Stages) -> li
     ]
     if kind in ("road_boundary", "kerb_top"):
         causes.append(("second edge beside a boundary", is_near(false, edges, SECOND_M)))
-    causes.append(("where no ground was measured", ~measured_ground(false, stages.ground)))
+    causes += [
+        ("beyond the edge of the carriageway", is_beyond_edge(false, truth, stages.path)),
+        ("where no ground was measured", ~measured_ground(false, stages.ground)),
+    ]
     return first_cause(causes, "elsewhere")
 
 
@@ -267,16 +276,30 @@ def cable_causes(false: Places, truth: LineSet, stages: Stages) -> list[tuple[st
     ]
 
 
-def n_points_on(places: Places, stages: Stages) -> FloatArray:
-    """Number of points about each place on a cable."""
+def n_points_on(places: Places, stages: Stages, within_m: float) -> FloatArray:
+    """Number of points within a distance of each stretch of 1.5 m."""
     tree = cKDTree(stages.points.xyz)
     found = tree.query_ball_point(places.xyz, 0.5 * SHORT_M)
     counts = []
     for i, near in enumerate(found):
         away = stages.points.xyz[near] - places.xyz[i]
         off = np.linalg.norm(away - np.outer(away @ places.along[i], places.along[i]), axis=1)
-        counts.append(float((off <= ON_CABLE_M).sum()))
+        counts.append(float((off <= within_m).sum()))
     return np.array(counts)
+
+
+def is_beyond_edge(places: Places, truth: LineSet, path: FloatArray) -> BoolArray:
+    """Whether a true boundary of the road lies between each place and the path of the vehicle."""
+    bounds = truth.take(truth.kind == "road_boundary")
+    if not len(path) or not len(bounds) or not len(places):
+        return np.zeros(len(places), dtype=np.bool_)
+    _, nearest = cKDTree(path[:, :2]).query(places.xyz[:, :2])
+    sights = shapely.linestrings(np.stack([places.xyz[:, :2], path[nearest, :2]], axis=1))
+    edges = shapely.multilinestrings(
+        [bounds.xyz[a:b, :2] for a, b in zip(bounds.offsets[:-1], bounds.offsets[1:], strict=True)]
+    )
+    shapely.prepare(edges)
+    return np.asarray(shapely.intersects(edges, sights), dtype=np.bool_)
 
 
 def lengths_m(lines: LineSet) -> FloatArray:

@@ -80,7 +80,9 @@ def with_stages(survey: SimulatedSurvey, kinds: Sequence[str]) -> tuple[LineSet,
     if any(kind not in OBB_KINDS for kind in kinds):
         lines += [result for name, result in Radon().steps(points, trajectory, ground) if name == "lines"]
     found = LineSet.concatenate([one.with_columns(crs="local") for one in lines])
-    return found, Stages(BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey))
+    return found, Stages(
+        BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey), trajectory.xyz
+    )
 
 
 def scan_line_s(survey: SimulatedSurvey) -> float:

@@ -39,10 +39,16 @@ def boxes(form: BoxForm, y: float, x: tuple[float, float] = (0.0, 40.0)) -> BoxS
     return BoxSet(centre=centre, u=u, form=np.full(len(at), form, dtype=np.int8))
 
 
+def points(x_step: float = 0.05) -> Points:
+    """Points on the line at y = 3, dense enough to show it."""
+    x = np.arange(0.0, 40.0, x_step)
+    return Points(np.column_stack([x, np.full_like(x, 3.0), np.zeros_like(x)]))
+
+
 def stages(**changes) -> Stages:
     told = {
         "boxes": BoxSet.concatenate([]), "tracked": LineSet.empty(), "ground": ground(),
-        "points": Points(np.zeros((0, 3))), "scan_line_s": 0.01,
+        "points": points(), "scan_line_s": 0.01, "path": np.zeros((0, 3)),
     }  # fmt: skip
     return Stages(**{**told, **changes})
 
@@ -59,6 +65,7 @@ TRUTH = line("lane_marking", 3.0)
     ("cause", "found", "of"),
     [
         ("not seen as paint", NOTHING, {}),
+        ("few points on it", NOTHING, {"points": points(0.5)}),
         ("off what was taken for road", NOTHING, {"ground": ground(road=False)}),
         ("seen as wide paint", NOTHING, {"boxes": boxes(BoxForm.OTHER_PAINT, 3.1)}),
         ("seen, not linked", NOTHING, {"boxes": boxes(BoxForm.STRIPE, 3.05)}),
@@ -102,6 +109,17 @@ def test_what_nobody_could_see_is_not_missed():
 def test_false_paint(cause, truth):
     found = line("lane_marking", 3.0)
     assert causes_of(found, truth, stages(), "lane_marking")["false", cause] == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize("kind", ["lane_marking", "road_boundary"])
+def test_lines_on_the_verge_lie_beyond_the_edge(kind):
+    path = np.column_stack([np.arange(0.0, 40.0), np.full(40, 0.0), np.zeros(40)])
+    bounds = line("road_boundary", 3.0, x=(-5.0, 45.0))
+    causes = causes_of(line(kind, 6.0), bounds, stages(path=path), kind)
+    assert causes["false", "beyond the edge of the carriageway"] == pytest.approx(40.0)
+    assert causes_of(line("lane_marking", 1.0), bounds, stages(path=path), "lane_marking") == {
+        ("false", "elsewhere"): pytest.approx(40.0)
+    }
 
 
 @pytest.mark.parametrize(
