@@ -1,0 +1,148 @@
+"""Today's methods on simulated scenes, kind by kind and seed by seed, with their failures by cause."""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from benchmarks._failures import Cause, Stages, failures
+from linework.evaluation.measures import match_lines, score
+from linework.evaluation.report.tables import ReportTable, centimetres, number, percent
+from linework.evaluation.tolerance import KindMatch
+from linework.methods.obb.method import OBB_KINDS, Obb
+from linework.methods.radon.method import Radon
+from linework.model.boxes import BoxSet
+from linework.model.lines import KINDS, LineSet
+from linework.simulation.simulate import SimulatedSurvey, simulate_survey
+from linework.surface.road import find_ground
+
+TOLERANCE_M = 0.10
+
+
+@dataclass
+class SceneResult:
+    """Matches and failures of all seeds of one kind of scene."""
+
+    scene: str
+    parts: list[KindMatch] = field(default_factory=list)
+    causes: list[Cause] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def simulated(road: str, seed: int, length_m: float, **choices: Any) -> SimulatedSurvey:
+    """Simulate one survey.
+
+    `choices` are arguments of `simulate_survey` by name: those that are None are left to it.
+    """
+    wanted = {name: value for name, value in choices.items() if value is not None}
+    unknown = set(wanted) - set(inspect.signature(simulate_survey).parameters)
+    if unknown:
+        raise SystemExit(f"the simulator has no {', '.join(sorted(unknown))}")
+    return simulate_survey(road, seed, length_m, **wanted)
+
+
+def scored_scene(survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResult, name: str) -> None:
+    """Extract one simulated survey and add what came out; say it in one line."""
+    start = time.perf_counter()
+    found, stages = with_stages(survey, kinds)
+    seconds = time.perf_counter() - start
+    found = found.with_columns(crs=survey.truth.crs)
+    parts = match_lines(found, survey.truth, kinds=kinds)
+    causes = failures(found, survey.truth, stages, kinds, TOLERANCE_M)
+    into.parts += parts
+    into.causes += causes
+    into.seconds += seconds
+    told = []
+    for part in parts:
+        at = score([part], part.kind, TOLERANCE_M, ()).at
+        if at.completeness is not None or at.correctness is not None:
+            told.append(f"{part.kind} {percent(at.completeness)} / {percent(at.correctness)}")
+    print(f"{name}: {len(survey.points) / 1e6:.2f} M points, {seconds:.1f} s; {'; '.join(told)}", flush=True)
+
+
+def with_stages(survey: SimulatedSurvey, kinds: Sequence[str]) -> tuple[LineSet, Stages]:
+    """Return the lines of a survey, and what the methods had in hand on the way."""
+    points, trajectory = survey.points, survey.trajectory
+    ground = find_ground(points, trajectory)
+    lines, boxes, tracked = [], list[BoxSet](), LineSet.empty()
+    if any(kind in OBB_KINDS for kind in kinds):
+        for name, result in Obb().steps(points, trajectory, ground):
+            if name in ("marking boxes", "boundary boxes"):
+                boxes.append(result)
+            elif name == "paint":
+                tracked = result
+            elif name == "lines":
+                lines.append(result)
+    if any(kind not in OBB_KINDS for kind in kinds):
+        lines += [result for name, result in Radon().steps(points, trajectory, ground) if name == "lines"]
+    found = LineSet.concatenate([one.with_columns(crs="local") for one in lines])
+    return found, Stages(
+        BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey), trajectory.xyz
+    )
+
+
+def scan_line_s(survey: SimulatedSurvey) -> float:
+    """Time of one turn of the first scanner; 0 where it does not turn."""
+    turns = getattr(survey.scenario.scanners[0], "turns_per_s", 0.0) if survey.scenario.scanners else 0.0
+    return 1.0 / turns if turns else 0.0
+
+
+def scores_table(results: Sequence[SceneResult]) -> ReportTable:
+    """One row per scene and kind, all seeds pooled."""
+    rows = []
+    for result in results:
+        first = result.scene
+        for kind in dict.fromkeys(part.kind for part in result.parts):
+            one = score([part for part in result.parts if part.kind == kind], kind, TOLERANCE_M)
+            if not one.observed_m and not one.extracted_m:
+                continue
+            rows.append(
+                (
+                    first, kind, number(one.observed_m, 0), number(one.extracted_m, 0),
+                    percent(one.at.completeness), percent(one.at.correctness),
+                    centimetres(one.at.lateral.rmse_m),
+                    number(one.extracted_m - one.at.matched_extracted_m, 0),
+                )
+            )  # fmt: skip
+            first = ""
+    columns = ("scene", "kind", "truth\nm", "found\nm", "complete", "correct", "lateral\ncm", "false\nm")
+    return ReportTable(
+        "Simulated scenes, within 10 cm", columns, tuple(rows), "truth: what the sensors saw of it"
+    )
+
+
+def causes_table(results: Sequence[SceneResult]) -> ReportTable:
+    """Metres missed and false by cause, the largest first."""
+    rows = []
+    for result in results:
+        metres: dict[tuple[str, str], dict[str, float]] = defaultdict(lambda: defaultdict(float))
+        for cause in result.causes:
+            metres[cause.kind, cause.failure][cause.cause] += cause.metres
+        for (kind, failure), of_cause in sorted(metres.items(), key=_in_order):
+            whole = sum(of_cause.values())
+            for why, length_m in sorted(of_cause.items(), key=lambda item: (-item[1], item[0])):
+                rows.append(
+                    (result.scene, kind, failure, why, number(length_m, 1), percent(length_m / whole))
+                )
+    columns = ("scene", "kind", "failure", "cause", "m", "share")
+    return ReportTable("Failures by cause", columns, tuple(rows), "the first cause that fits, every 0.5 m")
+
+
+def _in_order(item: tuple[tuple[str, str], dict[str, float]]) -> tuple[int, str]:
+    """Sort by kind, in the order of the layers, and missed before false."""
+    (kind, failure), _ = item
+    return KINDS.index(kind), "" if failure == "missed" else failure
+
+
+def summed(results: Sequence[SceneResult]) -> SceneResult:
+    """Return the results of all scenes as one."""
+    whole = SceneResult("all scenes")
+    for result in results:
+        whole.parts += result.parts
+        whole.causes += result.causes
+        whole.seconds += result.seconds
+    return whole
