@@ -19,7 +19,7 @@ from linework.simulation.scene.materials import (
     SEE_THROUGH,
     Material,
 )
-from linework.simulation.scene.paint import paint_cover, smooth_noise
+from linework.simulation.scene.paint import paint_cover, smooth_noise, stain_shade
 from linework.simulation.scene.part import Scene
 from linework.simulation.sensors.drive import Drive
 
@@ -289,6 +289,8 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
     patch = smooth_noise(place[:, 0] / 12.0, place[:, 1] / 2.5, scenario.seed + 102)
     texture = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
     reflectance[on_ground] *= texture
+    if scenario.layout.stains:
+        reflectance[on_ground] *= stain_shade(place, scenario.layout.stains)
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
     layout = scenario.layout
     cover = paint_cover(hits.chainage_offset[on_asphalt], layout.markings, scenario.seed, layout.symbols)
