@@ -22,7 +22,7 @@ from linework.methods.protocol import extract_tile
 from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
-from linework.simulation.roads.draw import ROADS
+from linework.simulation.roads.draw import USUAL_ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_ground
 
@@ -58,7 +58,7 @@ def main(arguments=()):
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy")
     parser.add_argument("--seeds", default=SEEDS, help="first-last, or a list")
-    parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--roads", default=",".join(USUAL_ROADS))
     parser.add_argument("--kinds", default=",".join(ALL_KINDS))
     parser.add_argument("--length-m", type=float, default=200.0)
     parser.add_argument("--points-per-m", type=float, default=None)

@@ -24,7 +24,7 @@ from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 from linework.navigation.locate import locate_drive
 from linework.navigation.poses import poses_at
-from linework.simulation.roads.draw import ROADS
+from linework.simulation.roads.draw import USUAL_ROADS
 from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, simulate_logs
 from linework.simulation.sensors.view import SIZES
 from linework.simulation.simulate import drives_of
@@ -63,7 +63,7 @@ def main(arguments=()):
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stereo")
     parser.add_argument("--seeds", default=SEEDS, help="first-last, or a list")
-    parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--roads", default=",".join(USUAL_ROADS))
     parser.add_argument("--sizes", default=",".join(SIZES))
     parser.add_argument("--length-m", type=float, default=100.0)
     parser.add_argument("--every-m", type=float, default=3.0)

@@ -15,7 +15,7 @@ from benchmarks._trace_scenes import KINDS, opened_simulation, places_away, plac
 from benchmarks.accuracy import seeds_of
 from linework.errors import InputError
 from linework.runs.settings import RunSettings
-from linework.simulation.roads.draw import ROADS
+from linework.simulation.roads.draw import USUAL_ROADS
 from linework.tracing.rails import distance_m
 from linework.tracing.trace import Tracer
 
@@ -69,7 +69,7 @@ def main(arguments=()):
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.trace")
     parser.add_argument("--seeds", default="800-803", help="first-last, or a list")
-    parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--roads", default=",".join(USUAL_ROADS))
     parser.add_argument("--length-m", type=float, default=150.0)
     parser.add_argument("--on", type=int, default=500, help="picks on lines")
     parser.add_argument("--away", type=int, default=200, help="picks away from all lines")

@@ -14,7 +14,7 @@ from tests.scenes.surface_scenes import CONFIG, along, on_lattice, store_of, sur
 from linework.model.points import Points
 from linework.processes.pool import Processes
 from linework.runs.opened.surface import SurfaceTiling
-from linework.simulation.roads.draw import ROADS
+from linework.simulation.roads.draw import USUAL_ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import find_ground
 
@@ -104,7 +104,7 @@ def simulated(kind):
     return on_lattice(survey.points.xyz), survey.trajectory
 
 
-@pytest.mark.parametrize("kind", ROADS)
+@pytest.mark.parametrize("kind", USUAL_ROADS)
 @pytest.mark.parametrize("with_path", [True, False])
 def test_a_split_survey_has_the_surface_of_the_whole(kind, with_path, tmp_path):
     xyz, trajectory = simulated(kind)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.simulation.roads.draw import ROADS, draw_scenario
+from linework.simulation.roads.draw import USUAL_ROADS, draw_scenario
 from linework.simulation.roads.draw_pieces import arrow
 from linework.simulation.roads.scenario import Barrier, Cable, Fence, Marking, Rail, Symbol
 from linework.simulation.scene.ground import boundary_truth, ground, marking_truth, symbol_truth
@@ -110,7 +110,7 @@ def test_fence_truth_is_its_top_edge(road):
     assert np.abs(part.lines[0].xyz[:, 2] - road.ground_height(s, q) - 1.2).max() < 1e-5
 
 
-@pytest.mark.parametrize("kind", ROADS)
+@pytest.mark.parametrize("kind", USUAL_ROADS)
 def test_boundary_and_paint_truth_lie_on_the_mesh(kind):
     layout = draw_scenario(kind, 5, 100.0).layout
     road = layout.road

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from linework.errors import OutputExistsError, UsageError
-from linework.simulation.roads.draw import ROADS, draw_scenario
+from linework.simulation.roads.draw import USUAL_ROADS, draw_scenario
 from linework.simulation.roads.scenario import Marking, Symbol
 from linework.simulation.scene.ground import ground, marking_truth
 from linework.simulation.scene.materials import Material
@@ -177,7 +177,7 @@ def test_points_scatter_about_the_road_with_the_drawn_noise():
     )
 
 
-@pytest.mark.parametrize("kind", ROADS)
+@pytest.mark.parametrize("kind", USUAL_ROADS)
 def test_ranges_hold_over_many_seeds_and_most_roads_have_rails_and_wires(kind):
     rails = wires = tight = 0
     for seed in range(40):

@@ -12,7 +12,7 @@ from linework.evaluation.stations import Stations
 from linework.methods.radon.method import Radon
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
-from linework.simulation.roads.draw import ROADS
+from linework.simulation.roads.draw import USUAL_ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_ground, height_above_road
 
@@ -37,7 +37,7 @@ def matched(road):
     return parts
 
 
-def of_kind(kind, roads=ROADS):
+def of_kind(kind, roads=USUAL_ROADS):
     return [part for road in roads for part in matched(road) if part.kind == kind]
 
 
@@ -49,7 +49,7 @@ def sigma_ratio(parts, error, sigma):
     return float(np.sqrt(np.nanmean(ratio**2)))
 
 
-@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("road", USUAL_ROADS)
 def test_guardrails_are_found_where_they_are(road):
     parts = of_kind("guardrail", [road])
     found = score(parts, "guardrail", TOLERANCE_M, ())

@@ -81,7 +81,7 @@ def simulate_survey(
     Parameters
     ----------
     kind
-        "straight", "bends", "urban" or "motorway".
+        One of `linework.simulation.roads.draw.ROADS`.
     seed
         Decides everything else, within the ranges of `linework.simulation.roads.draw`.
     length_m

@@ -18,7 +18,12 @@ def simulate_command(
     ] = 0,
     length_m: Annotated[float, typer.Option("--length-m", help="Length of the drive [m].")] = 200.0,
     road: Annotated[
-        str, typer.Option("--road", help="Kind of road: straight, bends, urban or motorway.", metavar="KIND")
+        str,
+        typer.Option(
+            "--road",
+            help="Kind of road: straight, bends, urban, motorway or rural; or land without one: forest, field or roofs.",
+            metavar="KIND",
+        ),
     ] = "straight",
     points_per_m: Annotated[
         float | None,

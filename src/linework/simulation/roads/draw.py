@@ -9,6 +9,7 @@ from numbers import Integral, Real
 import numpy as np
 
 from linework.errors import UsageError, argument, did_you_mean
+from linework.simulation.roads.draw_country import draw_country, draw_field, draw_forest, draw_roofs
 from linework.simulation.roads.draw_motorway import draw_motorway
 from linework.simulation.roads.draw_rural import draw_bends, draw_straight
 from linework.simulation.roads.draw_urban import draw_urban
@@ -20,8 +21,14 @@ LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "bends": draw_bends,
     "urban": draw_urban,
     "motorway": draw_motorway,
+    "rural": draw_country,
+    "forest": draw_forest,
+    "field": draw_field,
+    "roofs": draw_roofs,
 }
 ROADS = tuple(LAYOUTS)
+#: The roads that most figures of the documentation are about.
+USUAL_ROADS = ROADS[:4]
 #: Shortest drive that gives every kind of road room for a bend or a span.
 MIN_LENGTH_M = 40.0
 MAX_LENGTH_M = 5000.0

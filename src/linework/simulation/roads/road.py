@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +33,9 @@ class SideSection:
         Material of each interval of `land_d_m`; one entry fewer than there.
     mouths
         Mouths of side streets.
+    extra_m
+        How much further than `width_m` the carriageway reaches, as a function of chainage: a broken edge, a lane
+        that begins or ends. At least 0.
     """
 
     width_m: float
@@ -42,6 +45,7 @@ class SideSection:
     land_z_m: FloatArray
     land_material: tuple[Material, ...]
     mouths: tuple[Mouth, ...] = ()
+    extra_m: PiecewiseLinear = field(default_factory=lambda: PiecewiseLinear.constant(0.0))
 
     @property
     def reach_m(self) -> float:
@@ -72,6 +76,10 @@ class Road:
         Rise per metre away from the axis as a function of chainage (negative: falls towards the edge).
     stations_m
         Chainages that every mesh along the road uses, so that neighbouring strips meet.
+    surface
+        What the strip between the sides is made of; only asphalt is a road with boundaries.
+    relief
+        Waves of open land: amplitude [m], wave numbers along and across [rad/m], phase [rad].
     """
 
     alignment: Alignment
@@ -80,6 +88,8 @@ class Road:
     slope_left: PiecewiseLinear
     slope_right: PiecewiseLinear
     stations_m: FloatArray
+    surface: Material = Material.ASPHALT
+    relief: tuple[tuple[float, float, float, float], ...] = ()
 
     def side(self, sign: int) -> SideSection:
         """Return the left (+1) or right (-1) side."""
@@ -90,7 +100,10 @@ class Road:
         left = np.clip(q, 0.0, self.left.width_m)
         right = np.clip(-np.asarray(q), 0.0, self.right.width_m)
         tilt = self.slope_left(s) * left + self.slope_right(s) * right
-        return np.asarray(self.alignment.height(s) + tilt, dtype=np.float64)
+        height = np.asarray(self.alignment.height(s) + tilt, dtype=np.float64)
+        for amplitude, along, across, phase in self.relief:
+            height = height + amplitude * np.sin(along * np.asarray(s) + across * np.asarray(q) + phase)
+        return height
 
     def ground_height(self, s: AnyArray | float, q: AnyArray | float) -> FloatArray:
         """Return the height of the ground anywhere: carriageway, kerb, footway, verge, land; local frame."""
@@ -142,7 +155,8 @@ class Road:
 
 def _beyond(side: SideSection, s: FloatArray, q: FloatArray) -> FloatArray:
     """Return the height over the carriageway's edge at unsigned offsets `q`; 0 on the carriageway."""
-    return side.rise(s, q - side.width_m - widening(side.mouths, s, side.reach_m))
+    wide = np.maximum(widening(side.mouths, s, side.reach_m), side.extra_m(s))
+    return side.rise(s, q - side.width_m - wide)
 
 
 def make_stations(

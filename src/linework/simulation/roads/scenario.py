@@ -44,6 +44,21 @@ class Symbol:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Stain:
+    """A rectangle of ground that is `shade` times as bright, fading at its edges over `soft_m`: no paint, no truth.
+
+    Wheel tracks, patches, tar seams, wet places, joints, manhole covers, kerb stones, what is left of old paint.
+    """
+
+    start_m: float
+    end_m: float
+    right_m: float
+    left_m: float
+    shade: float
+    soft_m: float = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Rail:
     """A W-beam. `q_m` is midway between crest and valley; `faces` +1: the traffic is to its left.
 
@@ -113,6 +128,19 @@ class Wall:
     end_m: float
     height_m: float
     is_facade: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class House:
+    """A house with its middle at a place: eaves at `eaves_m`, roof `rise_m` higher at the ridge (`is_shed`: on one side)."""
+
+    s_m: float
+    q_m: float
+    length_m: float
+    width_m: float
+    eaves_m: float
+    rise_m: float = 0.0
+    is_shed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -300,6 +328,8 @@ class RoadLayout:
     bridges: tuple[Bridge, ...] = ()
     gantries: tuple[Gantry, ...] = ()
     far_edges_m: tuple[float, ...] = ()
+    stains: tuple[Stain, ...] = ()
+    houses: tuple[House, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

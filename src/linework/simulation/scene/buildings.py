@@ -11,7 +11,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.simulation.roads.road import Road
-from linework.simulation.roads.scenario import Bridge, Car, Gantry, Hedge, Plant, Wall
+from linework.simulation.roads.scenario import Bridge, Car, Gantry, Hedge, House, Plant, Wall
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.meshes import Mesh, boxes, columns, flakes, joined_meshes, prism, sheet
 from linework.simulation.scene.part import Part
@@ -157,6 +157,29 @@ def plant(road: Road, spec: Plant, rng: np.random.Generator) -> Part:
         Material.WOOD,
     )
     return Part((leaves, trunk))
+
+
+def house(road: Road, spec: House) -> Part:
+    """Return walls and a roof that hangs over them by 0.4 m."""
+    foot = road.on_ground(spec.s_m, spec.q_m)
+    heading = float(road.alignment.heading(spec.s_m))
+    u = np.array([np.cos(heading), np.sin(heading), 0.0])
+    v = np.array([-u[1], u[0], 0.0])
+    middle = foot - np.array([0.0, 0.0, 0.5])
+    size = (spec.length_m, spec.width_m, spec.eaves_m + 0.5)
+    walls = boxes(middle[None], np.array([heading]), size, Material.WALL)
+    half = 0.5 * spec.width_m + 0.4
+    across = np.array([-half, half]) if spec.is_shed else np.array([-half, 0.0, half])
+    rise = spec.rise_m * np.array([0.0, 1.0] if spec.is_shed else [0.0, 1.0, 0.0])
+    along = (0.5 * spec.length_m + 0.4) * np.array([-1.0, 1.0])
+    up = np.array([0.0, 0.0, 1.0])
+    points = (
+        foot
+        + along[:, None, None] * u
+        + across[None, :, None] * v
+        + (spec.eaves_m + 0.05 + rise)[None, :, None] * up
+    )
+    return Part((walls, sheet(points, Material.CONCRETE)))
 
 
 # Cars and lorries: a body with bonnet, cabin and windows over wheels, open underneath

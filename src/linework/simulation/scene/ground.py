@@ -6,7 +6,7 @@ Separate from `scene`, which puts a world together: this is the one mesh that al
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -30,9 +30,22 @@ def ground(road: Road) -> Part:
     across = np.unique(np.concatenate([_filled(right, 0.0, 1.0), _filled(0.0, left, 1.0)]))
     q = np.broadcast_to(across, (len(s), len(across)))
     height = road.carriageway_height(np.broadcast_to(s[:, None], q.shape), q)
-    middle = _strip(road, s, q, height, Material.ASPHALT)
-    sides = [mesh for sign in (1, -1) for mesh in (*_mouths(road, sign), *_land(road, sign))]
+    middle = _strip(road, s, q, height, road.surface)
+    sides = [
+        mesh for sign in (1, -1) for mesh in (*_extra(road, sign), *_mouths(road, sign), *_land(road, sign))
+    ]
     return Part((middle, *sides))
+
+
+def _extra(road: Road, sign: int) -> Iterator[Mesh]:
+    """Yield the carriageway beyond its least width."""
+    side = road.side(sign)
+    most = float(side.extra_m.y.max())
+    if most > 0.0:
+        s, share = road.stations_m, _filled(0.0, 1.0, 1.0 / np.ceil(most))
+        q = sign * (side.width_m + side.extra_m(s)[:, None] * share[None, :])
+        height = road.carriageway_height(np.broadcast_to(s[:, None], q.shape), q)
+        yield _strip(road, s, q, height, road.surface)
 
 
 def _mouths(road: Road, sign: int) -> Iterator[Mesh]:
@@ -52,7 +65,7 @@ def _land(road: Road, sign: int) -> Iterator[Mesh]:
     d, material = _bands(side)
     span = (road.alignment.start_m, road.alignment.end_m)
     for path in kerb_paths(side.mouths, span, side.reach_m, road.stations_between, side.reach_m):
-        s, wide = path.T
+        s, wide = path[:, 0], np.maximum(path[:, 1], side.extra_m(path[:, 0]))
         limit = np.maximum(road.furthest_offset(s, sign, side.width_m + side.reach_m), side.width_m)
         # Cut off at the land's edge, but never the kerb's own face
         beyond = np.minimum(d[None, :], np.maximum(side.reach_m - wide, KERB_BATTER_M)[:, None])
@@ -94,6 +107,8 @@ def boundary_truth(road: Road, far_edges_m: tuple[float, ...]) -> Part:
 
     At a side street the kerb turns, and its lines with it, to the edge of what is modelled.
     """
+    if road.surface != Material.ASPHALT:
+        return Part(())
     span = (road.alignment.start_m, road.alignment.end_m)
     s = road.truth_chainages(*span)
     lines = []
@@ -101,8 +116,9 @@ def boundary_truth(road: Road, far_edges_m: tuple[float, ...]) -> Part:
         side = road.side(sign)
         # Median over chainage: the step along most of the kerb, not where it is dropped
         step = float(np.median(side.step_m(s)))
-        for path in kerb_paths(side.mouths, span, side.reach_m, road.truth_chainages, 0.5):
-            at, q = path[:, 0], sign * (side.width_m + path[:, 1])
+        for path in kerb_paths(side.mouths, span, side.reach_m, _with_nodes(road, side), 0.5):
+            at = path[:, 0]
+            q = sign * (side.width_m + np.maximum(path[:, 1], side.extra_m(at)))
             level = road.carriageway_height(at, q)
             foot = road.place(at, q, level)
             lines.append(TruthLine(kind="road_boundary", xyz=foot, form=side.form, height_m=step))
@@ -115,6 +131,18 @@ def boundary_truth(road: Road, far_edges_m: tuple[float, ...]) -> Part:
         edge = road.on_ground(s, q_far)
         lines.append(TruthLine(kind="road_boundary", xyz=edge, form="edge", height_m=step))
     return Part((), tuple(lines))
+
+
+def _with_nodes(road: Road, side: SideSection) -> Callable[[float, float], FloatArray]:
+    """Return what gives the chainages of truth vertices between two, those where the width bends included."""
+
+    def chainages(start_m: float, end_m: float) -> FloatArray:
+        node = side.extra_m.x
+        inside = node[(node > start_m + 1e-6) & (node < end_m - 1e-6)]
+        even = road.truth_chainages(start_m, end_m)
+        return np.union1d(even, np.round(inside, 4)) if len(node) > 1 else even
+
+    return chainages
 
 
 def marking_truth(road: Road, marking: Marking) -> Part:

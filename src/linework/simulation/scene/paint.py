@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.simulation.roads.scenario import Marking, Symbol
+from linework.simulation.roads.scenario import Marking, Stain, Symbol
 
 #: A beam's spot on the road blurs the paint's edge over this width.
 _SPOT_M = 0.015
@@ -56,6 +56,23 @@ def paint_cover(
         left = _left(s[near], q[near], symbol.wear, seed + 104729 * (i + 1))
         cover[near] = np.maximum(cover[near], here * left)
     return cover
+
+
+def stain_shade(chainage_offset: FloatArray, stains: Sequence[Stain]) -> FloatArray:
+    """Return by how much stains change the brightness at (n, 2) places on the road: a factor for each."""
+    shade = np.ones(len(chainage_offset))
+    order = np.argsort(chainage_offset[:, 0], kind="stable")
+    s, q = chainage_offset[order].T
+    for stain in stains:
+        reach = 0.5 * stain.soft_m
+        a, b = np.searchsorted(s, (stain.start_m - reach, stain.end_m + reach))
+        near = a + np.flatnonzero((q[a:b] > stain.right_m - reach) & (q[a:b] < stain.left_m + reach))
+        inside = np.minimum(
+            np.minimum(s[near] - stain.start_m, stain.end_m - s[near]),
+            np.minimum(q[near] - stain.right_m, stain.left_m - q[near]),
+        )
+        shade[order[near]] *= 1.0 + (stain.shade - 1.0) * np.clip(inside / stain.soft_m + 0.5, 0.0, 1.0)
+    return shade
 
 
 def _inside_dash(s: FloatArray, m: Marking) -> FloatArray:

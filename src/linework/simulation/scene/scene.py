@@ -12,7 +12,7 @@ from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.tracking.times import times_near
 from linework.model.lines import KINDS, LineSet
 from linework.simulation.roads.scenario import Scenario
-from linework.simulation.scene.buildings import bridge, car, gantry, hedge, plant, wall
+from linework.simulation.scene.buildings import bridge, car, gantry, hedge, house, plant, wall
 from linework.simulation.scene.ground import boundary_truth, ground, marking_truth, symbol_truth
 from linework.simulation.scene.materials import GROUND, Material
 from linework.simulation.scene.part import Part, Scene, TruthLine, assemble_scene
@@ -37,6 +37,7 @@ def _parts(scenario: Scenario) -> Iterator[Part]:
     yield from (cable(road, c) for c in layout.cables)
     yield from (pole(road, p) for p in layout.poles)
     yield from (wall(road, w) for w in layout.walls)
+    yield from (house(road, h) for h in layout.houses)
     yield from (bridge(road, b) for b in layout.bridges)
     yield from (gantry(road, g) for g in layout.gantries)
     yield from (car(road, c) for c in layout.cars)
@@ -86,6 +87,8 @@ def truth_lines(
     lines = [scene.lines[i] for i in order]
     xyz, triangle, time_s = hits
     observed = _observed(scene, xyz, triangle)
+    if not lines:
+        return LineSet.empty(crs)
     vertices = np.concatenate([line.xyz for line in lines])
     owner = np.repeat(np.arange(len(lines)), [len(line.xyz) for line in lines])
     start_s, end_s = times_near(xyz, time_s, vertices, owner, len(lines), TIMED_M)

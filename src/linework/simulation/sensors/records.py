@@ -8,7 +8,7 @@ from linework.arrays import AnyArray, FloatArray
 from linework.model.points import Points
 from linework.simulation.roads.scenario import Scenario, Sensor
 from linework.simulation.scene.materials import GROUND, LASER_REFLECTANCE, ROUGHNESS_M, Material
-from linework.simulation.scene.paint import paint_cover, smooth_noise
+from linework.simulation.scene.paint import paint_cover, smooth_noise, stain_shade
 from linework.simulation.scene.part import Scene
 from linework.simulation.sensors.scanner import Hits
 
@@ -91,6 +91,8 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
     patch = smooth_noise(place[:, 0] / 12.0, place[:, 1] / 2.5, scenario.seed + 102)
     texture = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
     reflectance[on_ground] *= texture
+    if scenario.layout.stains:
+        reflectance[on_ground] *= stain_shade(place, scenario.layout.stains)
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
     cover = _cover(scenario, hits.take(on_asphalt))
     paint = LASER_REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
