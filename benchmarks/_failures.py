@@ -296,7 +296,10 @@ def is_beyond_edge(places: Places, truth: LineSet, path: FloatArray) -> BoolArra
     _, nearest = cKDTree(path[:, :2]).query(places.xyz[:, :2])
     sights = shapely.linestrings(np.stack([places.xyz[:, :2], path[nearest, :2]], axis=1))
     edges = shapely.multilinestrings(
-        [bounds.xyz[a:b, :2] for a, b in zip(bounds.offsets[:-1], bounds.offsets[1:], strict=True)]
+        [
+            shapely.linestrings(bounds.xyz[a:b, :2])
+            for a, b in zip(bounds.offsets[:-1], bounds.offsets[1:], strict=True)
+        ]
     )
     shapely.prepare(edges)
     return np.asarray(shapely.intersects(edges, sights), dtype=np.bool_)

@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from benchmarks._failures import Cause, Stages, failures
+from benchmarks._real_worlds import false_m
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.report.tables import ReportTable, centimetres, number, percent
 from linework.evaluation.tolerance import KindMatch
@@ -21,6 +24,8 @@ from linework.simulation.simulate import SimulatedSurvey, simulate_survey
 from linework.surface.road import find_ground
 
 TOLERANCE_M = 0.10
+#: Cells by which the area of a survey is counted: wider than scan lines are apart. [m]
+AREA_CELL_M = 5.0
 
 
 @dataclass
@@ -31,6 +36,7 @@ class SceneResult:
     parts: list[KindMatch] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
     seconds: float = 0.0
+    hectares: float = 0.0
 
 
 def simulated(road: str, seed: int, length_m: float, **choices: Any) -> SimulatedSurvey:
@@ -56,6 +62,7 @@ def scored_scene(survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResul
     into.parts += parts
     into.causes += causes
     into.seconds += seconds
+    into.hectares += hectares_of(survey)
     told = []
     for part in parts:
         at = score([part], part.kind, TOLERANCE_M, ()).at
@@ -68,6 +75,7 @@ def with_stages(survey: SimulatedSurvey, kinds: Sequence[str]) -> tuple[LineSet,
     """Return the lines of a survey, and what the methods had in hand on the way."""
     points, trajectory = survey.points, survey.trajectory
     ground = find_ground(points, trajectory)
+    path = np.zeros((0, 3)) if trajectory is None else trajectory.xyz
     lines, boxes, tracked = [], list[BoxSet](), LineSet.empty()
     if any(kind in OBB_KINDS for kind in kinds):
         for name, result in Obb().steps(points, trajectory, ground):
@@ -80,15 +88,20 @@ def with_stages(survey: SimulatedSurvey, kinds: Sequence[str]) -> tuple[LineSet,
     if any(kind not in OBB_KINDS for kind in kinds):
         lines += [result for name, result in Radon().steps(points, trajectory, ground) if name == "lines"]
     found = LineSet.concatenate([one.with_columns(crs="local") for one in lines])
-    return found, Stages(
-        BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey), trajectory.xyz
-    )
+    return found, Stages(BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey), path)
 
 
 def scan_line_s(survey: SimulatedSurvey) -> float:
-    """Time of one turn of the first scanner; 0 where it does not turn."""
-    turns = getattr(survey.scenario.scanners[0], "turns_per_s", 0.0) if survey.scenario.scanners else 0.0
-    return 1.0 / turns if turns else 0.0
+    """Time of one scan line of the first scanner; 0 where it is not known."""
+    first = survey.scenario.scanners[0] if survey.scenario.scanners else None
+    rate = getattr(first, "turns_per_s", None) or getattr(first, "lines_per_s", None)
+    return 1.0 / rate if rate else 0.0
+
+
+def hectares_of(survey: SimulatedSurvey) -> float:
+    """Area in which points were measured. [ha]"""
+    cells = np.unique(np.floor(survey.points.xyz[:, :2] / AREA_CELL_M).astype(np.int64), axis=0)
+    return len(cells) * AREA_CELL_M**2 / 10_000.0
 
 
 def scores_table(results: Sequence[SceneResult]) -> ReportTable:
@@ -105,11 +118,13 @@ def scores_table(results: Sequence[SceneResult]) -> ReportTable:
                     first, kind, number(one.observed_m, 0), number(one.extracted_m, 0),
                     percent(one.at.completeness), percent(one.at.correctness),
                     centimetres(one.at.lateral.rmse_m),
-                    number(one.extracted_m - one.at.matched_extracted_m, 0),
+                    number(false_m(one), 0), number(false_m(one) / result.hectares, 1),
                 )
             )  # fmt: skip
             first = ""
-    columns = ("scene", "kind", "truth\nm", "found\nm", "complete", "correct", "lateral\ncm", "false\nm")
+    columns = ("scene", "kind", "truth\nm", "found\nm", "complete", "correct", "lateral\ncm", "false\nm",
+        "false\nm/ha",
+    )  # fmt: skip
     return ReportTable(
         "Simulated scenes, within 10 cm", columns, tuple(rows), "truth: what the sensors saw of it"
     )
@@ -145,4 +160,5 @@ def summed(results: Sequence[SceneResult]) -> SceneResult:
         whole.parts += result.parts
         whole.causes += result.causes
         whole.seconds += result.seconds
+        whole.hectares += result.hectares
     return whole

@@ -4,7 +4,8 @@
 the repository, or what the variable LINEWORK_REAL_DATA names); each is extracted with default settings and scored
 within the area of its reference (tests/references). ``--surveys av2,here-a22`` takes some of them, ``none`` none.
 ``--roads urban,motorway --seeds 900-904`` takes scenes of the simulator, by the names that it gives them, ``none``
-none; ``--scanners``, ``--conditions`` likewise. Nothing may be tuned on the seeds that are reported.
+none; ``--scanners`` and ``--conditions`` likewise, ``--holes`` leaves stretches without points. Nothing may be tuned
+on the seeds that are reported.
 """
 
 import argparse
@@ -47,6 +48,7 @@ def parsed(arguments):
     parser.add_argument("--roads", default=",".join(ROADS), help="names of roads, or none")
     parser.add_argument("--scanners", default="", help="names of scanners; default: as the seed draws them")
     parser.add_argument("--conditions", default="", help="names of conditions; default: the usual ones")
+    parser.add_argument("--holes", action="store_true", help="stretches of road without points")
     parser.add_argument("--seeds", default=SEEDS, help="first-last, or a list")
     parser.add_argument("--kinds", default=",".join(ALL_KINDS))
     parser.add_argument("--length-m", type=float, default=150.0)
@@ -67,6 +69,7 @@ def scenes_of(options):
                         survey = simulated(
                             road, seed, options.length_m, points_per_m=options.points_per_m,
                             scanner=scanner or None, conditions=conditions or None,
+                            holes=options.holes or None,
                         )  # fmt: skip
                         scored_scene(survey, kinds, result, name)
                     except LineworkError as problem:

@@ -114,7 +114,10 @@ def test_false_paint(cause, truth):
 @pytest.mark.parametrize("kind", ["lane_marking", "road_boundary"])
 def test_lines_on_the_verge_lie_beyond_the_edge(kind):
     path = np.column_stack([np.arange(0.0, 40.0), np.full(40, 0.0), np.zeros(40)])
-    bounds = line("road_boundary", 3.0, x=(-5.0, 45.0))
+    bent = LineSet.from_lines(
+        [[[0.0, -3.0, 0.0], [20.0, -3.5, 0.0], [40.0, -3.0, 0.0]]], kind=["road_boundary"]
+    )
+    bounds = LineSet.concatenate([line("road_boundary", 3.0, x=(-5.0, 45.0)), bent])
     causes = causes_of(line(kind, 6.0), bounds, stages(path=path), kind)
     assert causes["false", "beyond the edge of the carriageway"] == pytest.approx(40.0)
     assert causes_of(line("lane_marking", 1.0), bounds, stages(path=path), "lane_marking") == {
@@ -192,6 +195,8 @@ def test_a_scene_is_scored_and_its_failures_add_up():
     result = SceneResult("straight")
     scored_scene(survey, ("lane_marking", "road_boundary"), result, "straight 910")
     row = next(row for row in scores_table([result]).rows if row[1] == "lane_marking")
+    # 40 m of road and 6 m more at each end, and 25 to 60 m of land to both sides
+    assert 0.1 < result.hectares < 1.0
     missed = sum(c.metres for c in result.causes if (c.kind, c.failure) == ("lane_marking", "missed"))
     observed, complete = float(row[2]), float(row[4].removesuffix(" %")) / 100.0
     # Stations of half a metre against pieces of the exact length
