@@ -44,8 +44,8 @@ def simulate(
     folder
         New or empty; with `overwrite`, files of the same names are replaced.
     road
-        Kind of road: "straight", "bends", "urban", "motorway", "rural"; "forest", "field" and "roofs" are land without
-        a road.
+        Kind of road: "straight", "bends", "urban", "motorway", "rural", "junction", "gore",
+        "roundabout" (at most 250 m) or "village"; "forest", "field" and "roofs" are land without a road.
     seed
         Determines everything that no other argument sets.
     length_m

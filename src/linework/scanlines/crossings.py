@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from linework.errors import UsageError, argument
+from linework.errors import UsageError
 from linework.scanlines.scan_lines import ScanLines
 
 #: A pause between scan lines at one place that makes them two passes: a mirror is back within a second, a van that turns
@@ -84,7 +84,7 @@ def support_of(lines: ScanLines, points: IntArray, along: tuple[float, float] | 
     if len(points) and (points.min() < 0 or points.max() >= len(lines)):
         raise UsageError(
             f"indices from {points.min()} to {points.max()} of {len(lines)} points",
-            where=argument("points"),
+            where="points",
             advice="give indices of the points whose scan lines these are",
         )
     angle = _angle(lines.direction[points], along)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, Int32Array
-from linework.errors import UsageError, argument
+from linework.errors import UsageError
 from linework.model.points import Points
 
 #: Later times are damaged, and too coarse for turns of a mirror: steps of 15 us in float64. [s]
@@ -106,7 +106,7 @@ def _column(points: Points, name: str, used: tuple[str, ...] | None) -> Int32Arr
     if name not in points.columns:
         raise UsageError(
             f"points have no column {name!r}, which tells lasers and heads apart in the whole survey",
-            where=argument("points"),
+            where="points",
             advice="read it with the points (carry)",
         )
     return points.columns[name].astype(np.int32)

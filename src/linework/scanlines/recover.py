@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from linework.arrays import FloatArray, Int32Array, IntArray
-from linework.errors import UsageError, argument
+from linework.errors import UsageError
 from linework.kernels.scanlines.along import place_along_lines, spacing_to_next
 from linework.kernels.scanlines.strings import next_strings, track_strings
 from linework.kernels.scanlines.turns import order_by_line, turn_of_points
@@ -65,7 +65,7 @@ def recover_scan_lines(points: Points, timing: ScannerTiming | None = None) -> S
         if label not in known:
             raise UsageError(
                 "points are of a source or head that the timing does not have",
-                where=argument("points"),
+                where="points",
                 advice="make the timing from all points of the survey",
             )
         turns.append(float(timing.turn_s[known[label]]))

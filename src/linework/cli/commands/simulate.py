@@ -21,7 +21,8 @@ def simulate_command(
         str,
         typer.Option(
             "--road",
-            help="Kind of road: straight, bends, urban, motorway or rural; or land without one: forest, field or roofs.",
+            help="Kind of road: straight, bends, urban, motorway, rural, junction, gore, roundabout or village; "
+            "or land without one: forest, field or roofs.",
             metavar="KIND",
         ),
     ] = "straight",

@@ -10,9 +10,11 @@ import numpy as np
 
 from linework.errors import UsageError, argument, did_you_mean
 from linework.simulation.roads.draw_country import draw_country, draw_field, draw_forest, draw_roofs
+from linework.simulation.roads.draw_junction import draw_gore, draw_junction, draw_roundabout
 from linework.simulation.roads.draw_motorway import draw_motorway
 from linework.simulation.roads.draw_rural import draw_bends, draw_straight
 from linework.simulation.roads.draw_urban import draw_urban
+from linework.simulation.roads.draw_village import draw_village
 from linework.simulation.roads.scenario import Pass, RoadLayout, Scenario, Sensor
 from linework.simulation.sensors.heads import Scanner
 
@@ -25,6 +27,10 @@ LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "forest": draw_forest,
     "field": draw_field,
     "roofs": draw_roofs,
+    "junction": draw_junction,
+    "gore": draw_gore,
+    "roundabout": draw_roundabout,
+    "village": draw_village,
 }
 ROADS = tuple(LAYOUTS)
 #: The roads that most figures of the documentation are about.

@@ -7,13 +7,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from linework.simulation.roads.alignment import PiecewiseLinear
 from linework.simulation.roads.road import Road
 from linework.simulation.sensors.heads import Head
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marking:
-    """A painted line. Dashes start at `start_m`; `wear` is the share of the paint that is gone."""
+    """A painted line. Dashes start at `start_m`; `wear` is the share of the paint that is gone.
+
+    `shift_m` is added to the offset `q_m`, as a function of chainage: a line along a lane that begins or ends.
+    """
 
     q_m: float
     start_m: float
@@ -25,6 +29,7 @@ class Marking:
     gap_m: float = 0.0
     double: bool = False
     wear: float = 0.0
+    shift_m: PiecewiseLinear | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +37,8 @@ class Symbol:
     """A painted rectangle that is not a line along the road.
 
     `form` says what it is: a bar of a "zebra" crossing, a "stop" line, the shaft of an "arrow"; "" is a piece
-    of the one before it (a step of an arrow's head).
+    of the one before it (a step of an arrow's head), "other" has truth without a form (give-way lines, hatching,
+    parking bays, letters). With a `role` it is a lane marking across the road: the centre line of a side street.
     """
 
     start_m: float
@@ -41,6 +47,15 @@ class Symbol:
     left_m: float
     wear: float = 0.0
     form: str = ""
+    role: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Island:
+    """A raised island: its outline (chainage, offset), anticlockwise and convex, at the foot of its kerb."""
+
+    outline: tuple[tuple[float, float], ...]
+    height_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -330,6 +345,7 @@ class RoadLayout:
     far_edges_m: tuple[float, ...] = ()
     stains: tuple[Stain, ...] = ()
     houses: tuple[House, ...] = ()
+    islands: tuple[Island, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

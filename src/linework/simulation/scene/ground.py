@@ -14,7 +14,7 @@ import numpy as np
 from linework.arrays import AnyArray, FloatArray
 from linework.simulation.roads.alignment import kerb_paths, mouth_path
 from linework.simulation.roads.road import KERB_BATTER_M, Road, SideSection
-from linework.simulation.roads.scenario import Marking, Symbol
+from linework.simulation.roads.scenario import Island, Marking, Symbol
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.meshes import Mesh, sheet
 from linework.simulation.scene.part import Part, TruthLine
@@ -145,6 +145,31 @@ def _with_nodes(road: Road, side: SideSection) -> Callable[[float, float], Float
     return chainages
 
 
+def island(road: Road, spec: Island) -> Part:
+    """Return a raised island with its kerb stones, and the lines around its kerb's foot and top."""
+    corner = np.asarray(spec.outline)
+    middle = corner.mean(axis=0)
+    n = int(np.ceil(np.linalg.norm(np.roll(corner, -1, axis=0) - corner, axis=1).max() / 0.5))
+    share = np.linspace(0.0, 1.0, n, endpoint=False)[None, :, None]
+    foot = (corner[:, None] + share * (np.roll(corner, -1, axis=0) - corner)[:, None]).reshape(-1, 2)
+    foot = np.concatenate([foot, foot[:1]])
+    inward = (middle - foot) / np.linalg.norm(middle - foot, axis=1, keepdims=True)
+    rows = [foot, foot + KERB_BATTER_M * inward, foot + _KERB_TOP_M * inward, np.tile(middle, (len(foot), 1))]
+    place = np.stack(rows, axis=1)
+    up = np.array([0.0, spec.height_m, spec.height_m, spec.height_m])
+    level = road.carriageway_height(place[..., 0], place[..., 1])
+    xyz = road.place(place[..., 0], place[..., 1], level + up)
+    materials = np.array([Material.KERB, Material.KERB, Material.FOOTWAY], dtype=np.uint8)
+    mesh = sheet(xyz, materials).on_road(place.reshape(-1, 2))
+    return Part(
+        (mesh,),
+        (
+            TruthLine(kind="road_boundary", xyz=xyz[:, 0], form="kerb", height_m=spec.height_m),
+            TruthLine(kind="kerb_top", xyz=xyz[:, 1], form="kerb", height_m=spec.height_m),
+        ),
+    )
+
+
 def marking_truth(road: Road, marking: Marking) -> Part:
     """Return a marking's centreline, from the start of its first dash to the end of its last, and its dashes."""
     dashes = dash_ends(marking) if marking.pattern == "dashed" else np.zeros((0, 2))
@@ -168,7 +193,12 @@ def symbol_truth(road: Road, symbol: Symbol) -> Part:
         xyz = road.on_ground(road.truth_chainages(symbol.start_m, symbol.end_m), q)
     else:
         xyz = road.on_ground(s, _filled(symbol.right_m, symbol.left_m, 0.5))
-    line = TruthLine(kind="road_marking_other", xyz=xyz, form=symbol.form, width_m=min(length, width))
+    wide = min(length, width)
+    if symbol.role:
+        line = TruthLine(kind="lane_marking", xyz=xyz, role=symbol.role, pattern="solid", width_m=wide)
+        return Part((), (line,))
+    form = "" if symbol.form == "other" else symbol.form
+    line = TruthLine(kind="road_marking_other", xyz=xyz, form=form, width_m=wide)
     return Part((), (line,))
 
 
@@ -186,9 +216,14 @@ def dash_ends(marking: Marking) -> FloatArray:
 
 
 def _painted(road: Road, marking: Marking, start: float, end: float) -> TruthLine:
+    s, q = road.truth_chainages(start, end), np.array(marking.q_m)
+    if marking.shift_m is not None:
+        node = marking.shift_m.x
+        s = np.union1d(s, node[(node > start) & (node < end)])
+        q = marking.q_m + marking.shift_m(s)
     return TruthLine(
         kind="lane_marking",
-        xyz=road.on_ground(road.truth_chainages(start, end), marking.q_m),
+        xyz=road.on_ground(s, q),
         role=marking.role,
         pattern=marking.pattern,
         double=marking.double,

@@ -32,12 +32,13 @@ def paint_cover(
     s, q = chainage_offset[:, 0], chainage_offset[:, 1]
     edge_s, edge_q = np.full((2, len(s)), _SPOT_M) if edge_m is None else edge_m.T
     for i, m in enumerate(markings):
+        off = q - m.q_m if m.shift_m is None else q - m.q_m - m.shift_m(s)
         near = np.flatnonzero(
-            (np.abs(q - m.q_m) < 0.5 * m.width_m + edge_q)
+            (np.abs(off) < 0.5 * m.width_m + edge_q)
             & (s >= m.start_m - 0.1 - edge_s)
             & (s <= m.end_m + 0.1 + edge_s)
         )
-        across = 0.5 * m.width_m - np.abs(q[near] - m.q_m)
+        across = 0.5 * m.width_m - np.abs(off[near])
         along = np.minimum(s[near] - m.start_m, m.end_m - s[near])
         if m.pattern == "dashed":
             along = np.minimum(along, _inside_dash(s[near], m))

@@ -13,7 +13,7 @@ from linework.kernels.tracking.times import times_near
 from linework.model.lines import KINDS, LineSet
 from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.buildings import bridge, car, gantry, hedge, house, plant, wall
-from linework.simulation.scene.ground import boundary_truth, ground, marking_truth, symbol_truth
+from linework.simulation.scene.ground import boundary_truth, ground, island, marking_truth, symbol_truth
 from linework.simulation.scene.materials import GROUND, Material
 from linework.simulation.scene.part import Part, Scene, TruthLine, assemble_scene
 from linework.simulation.scene.rails import barrier, fence, guardrail
@@ -29,6 +29,7 @@ def _parts(scenario: Scenario) -> Iterator[Part]:
     layout, road = scenario.layout, scenario.layout.road
     yield ground(road)
     yield boundary_truth(road, layout.far_edges_m)
+    yield from (island(road, i) for i in layout.islands)
     yield from (marking_truth(road, m) for m in layout.markings)
     yield from (symbol_truth(road, s) for s in layout.symbols)
     yield from (guardrail(road, r) for r in layout.rails)
