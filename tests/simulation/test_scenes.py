@@ -15,7 +15,7 @@ from linework.simulation.sensors.scanner import Caster
 from linework.simulation.simulate import simulate_survey
 
 EMPTY = ("forest", "field", "roofs")
-SCENES = [kind for kind in ROADS if kind not in (*USUAL_ROADS, *EMPTY)]
+SCENES = [kind for kind in ROADS if kind not in (*USUAL_ROADS, *EMPTY, "mixed")]
 
 
 def heights_under(scene, xyz):
@@ -81,6 +81,17 @@ def test_verges_lie_lower_and_higher_than_the_pavement():
     assert np.mean(np.array(steps) < -0.05) > 0.3
     assert np.mean(np.array(steps) > 0.05) > 0.15
     assert np.abs(steps).max() <= 0.12
+
+
+def test_mixed_scenes_are_of_many_kinds_and_most_are_stained():
+    layouts = [draw_scenario("mixed", seed, 80.0).layout for seed in range(40)]
+    roads = [one for one in layouts if one.road.surface == Material.ASPHALT]
+    assert 25 < len(roads) < 40
+    assert any(one.rails for one in roads)
+    assert any(one.islands for one in roads)
+    assert any(one.road.left.mouths or one.road.right.mouths for one in roads)
+    assert {one.road.right.form for one in roads} >= {"kerb", "edge"}
+    assert np.mean([bool(one.stains) for one in roads]) > 0.8
 
 
 def test_a_stain_changes_the_brightness_within_it_and_fades_at_its_edge():

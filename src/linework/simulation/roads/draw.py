@@ -10,13 +10,48 @@ import numpy as np
 
 from linework.errors import UsageError, argument, did_you_mean
 from linework.simulation.roads.draw_country import draw_country, draw_field, draw_forest, draw_roofs
-from linework.simulation.roads.draw_junction import draw_gore, draw_junction, draw_roundabout
+from linework.simulation.roads.draw_junction import (
+    MOST_RING_M,
+    draw_gore,
+    draw_junction,
+    draw_roundabout,
+)
 from linework.simulation.roads.draw_motorway import draw_motorway
 from linework.simulation.roads.draw_rural import draw_bends, draw_straight
+from linework.simulation.roads.draw_stains import older_paint, road_stains
 from linework.simulation.roads.draw_urban import draw_urban
 from linework.simulation.roads.draw_village import draw_village
 from linework.simulation.roads.scenario import Pass, RoadLayout, Scenario, Sensor
+from linework.simulation.scene.materials import Material
 from linework.simulation.sensors.heads import Scanner
+
+#: Whatever `mixed` draws from: every kind of road, and a forest.
+_MIXED = (
+    "straight",
+    "bends",
+    "urban",
+    "motorway",
+    "rural",
+    "junction",
+    "gore",
+    "roundabout",
+    "village",
+    "forest",
+)
+
+
+def draw_mixed(rng: np.random.Generator, length_m: float) -> RoadLayout:
+    """Return any road, or a forest, with stains and the paint of an older generation whatever its kind."""
+    kinds = [kind for kind in _MIXED if kind != "roundabout" or length_m <= MOST_RING_M]
+    layout = LAYOUTS[str(rng.choice(kinds))](rng, length_m)
+    road = layout.road
+    if road.surface != Material.ASPHALT:
+        return layout
+    half = min(road.left.width_m, road.right.width_m)
+    span = (road.alignment.start_m, road.alignment.end_m)
+    more = [*road_stains(rng, half, span), *older_paint(rng, layout.markings)]
+    return replace(layout, stains=(*layout.stains, *more))
+
 
 LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "straight": draw_straight,
@@ -31,6 +66,7 @@ LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "gore": draw_gore,
     "roundabout": draw_roundabout,
     "village": draw_village,
+    "mixed": draw_mixed,
 }
 ROADS = tuple(LAYOUTS)
 #: The roads that most figures of the documentation are about.

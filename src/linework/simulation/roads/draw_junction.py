@@ -23,7 +23,7 @@ from linework.simulation.roads.draw_pieces import (
 from linework.simulation.roads.draw_rural import gentle_bend
 from linework.simulation.roads.draw_stains import road_stains
 from linework.simulation.roads.road import Road, SideSection, make_stations
-from linework.simulation.roads.scenario import Island, RoadLayout, Symbol
+from linework.simulation.roads.scenario import Island, Plant, RoadLayout, Symbol
 from linework.simulation.scene.materials import Material
 
 _LAND_M = 16.0
@@ -225,7 +225,7 @@ def draw_roundabout(rng: np.random.Generator, length_m: float) -> RoadLayout:
     wide, turn = min(uniform(rng, 5.5, 7.0), 0.45 * length_m / n), min(uniform(rng, 3.0, 5.0), 0.1 * length_m)
     first = start + 0.5 * (end - start) / n - 0.5 * wide
     mouths = tuple(Mouth(at, at + wide, turn) for at in first + np.arange(n) * (end - start) / n)
-    inner = replace(_side(rng, half, "kerb", (), reach_m=0.6 * (radius - half)), mouths=())
+    inner = _side(rng, half, "kerb", (), reach_m=0.84 * radius - half)
     form = "kerb" if rng.random() < 0.6 else "edge"
     sides = {1: inner, -1: _side(rng, half, form, mouths, reach_m=12.0)}
     bare = Road(alignment, sides[1], sides[-1], *(PiecewiseLinear.constant(0.0),) * 2, np.zeros(0))
@@ -257,5 +257,6 @@ def draw_roundabout(rng: np.random.Generator, length_m: float) -> RoadLayout:
         markings=tuple(markings),
         symbols=tuple(symbols),
         islands=tuple(islands),
+        plants=(Plant(s_m=0.0, q_m=radius, radius_m=0.2 * radius, height_m=uniform(rng, 1.0, 3.0)),),
         stains=tuple(road_stains(rng, half, (start, end))),
     )

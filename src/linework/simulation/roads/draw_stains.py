@@ -5,13 +5,13 @@ Separate from the modules that draw roads: any of them may call it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from linework.arrays import FloatArray
 from linework.simulation.roads.draw_pieces import uniform
-from linework.simulation.roads.scenario import Stain
+from linework.simulation.roads.scenario import Marking, Stain
 
 
 def road_stains(rng: np.random.Generator, half_m: float, span: tuple[float, float]) -> list[Stain]:
@@ -136,3 +136,21 @@ _EACH: tuple[Callable[[np.random.Generator, float, tuple[float, float]], list[St
     _studs,
     _cycle_lane,
 )
+
+
+def older_paint(rng: np.random.Generator, markings: Sequence[Marking]) -> list[Stain]:
+    """Return what is left of older lines, 25 to 45 cm beside half of the solid ones: scraped, dark or faintly bright.
+
+    It is no line any more, and has no truth.
+    """
+    found = []
+    for m in markings:
+        if m.pattern != "solid" or m.shift_m is not None or rng.random() < 0.5:
+            continue
+        q, at = m.q_m + float(rng.choice([-1.0, 1.0])) * uniform(rng, 0.25, 0.45), m.start_m
+        while at < m.end_m - 1.0:
+            end = min(at + uniform(rng, 0.5, 4.0), m.end_m)
+            shade = uniform(rng, 0.7, 1.25)
+            found.append(Stain(start_m=at, end_m=end, right_m=q - 0.06, left_m=q + 0.06, shade=shade))
+            at = end + uniform(rng, 0.0, 1.5)
+    return found
