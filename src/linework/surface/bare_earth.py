@@ -190,7 +190,8 @@ def _by_blocks(
     north, east = -window.north % size, -window.east % size
     values = np.pad(values, ((north, south), (west, east)), constant_values=fill)
     rows, cols = values.shape[0] // size, values.shape[1] // size
-    return of(values.reshape(rows, size, cols, size), axis=(1, 3))
+    # Rows first: whole rows are added side by side
+    return of(of(values.reshape(rows, size, -1), axis=1).reshape(rows, cols, size), axis=2)
 
 
 def _of_blocks(window: CellWindow, values: AnyArray, inner: CellWindow, size: int) -> AnyArray:
@@ -198,7 +199,7 @@ def _of_blocks(window: CellWindow, values: AnyArray, inner: CellWindow, size: in
     top, left = -(-window.north // size), window.west // size
     rows = top - 1 - (inner.north - 1 - np.arange(inner.n_rows)) // size
     cols = (inner.west + np.arange(inner.n_cols)) // size - left
-    return np.asarray(values[rows[:, None], cols])
+    return np.asarray(values[rows][:, cols])
 
 
 def _opened(z: Float32Array, n: int) -> Float32Array:
