@@ -1,4 +1,4 @@
-"""Scan lines: what recovering them costs, against reading the same points, and how right they are.
+"""Scan lines: what recovering them costs, against reading the same points, how right they are, and crossings by them.
 
 CPU time of this process, best of three. Reading is that of the points with the fields of their scanner from the survey's
 laser files, as `linework.read_points` does, tile store included.
@@ -13,9 +13,11 @@ from scipy.spatial import cKDTree
 
 from linework.files.store.in_memory import read_survey_points
 from linework.files.survey.open import open_survey
+from linework.scanlines.crossings import support_of
 from linework.scanlines.recover import recover_scan_lines
 from linework.scanlines.timing import scanner_timing
 from linework.simulation.folder import write_survey_folder
+from linework.simulation.sensors.crossings import count_crossings
 from linework.simulation.simulate import simulate_survey
 
 FIELDS = ("point_source_id", "scanner_channel", "scan_angle", "scan_direction_flag", "edge_of_flight_line")
@@ -49,9 +51,20 @@ def share_right(survey, lines):
     return np.mean(found == (survey.sweep[sample][:, None] == survey.sweep[near]))
 
 
+def crossings(survey, lines):
+    """Return found over true scan lines at stations of the true lines, and the share of stations within 10 % of truth."""
+    within = 0.6 if lines.kind == "airborne" else 0.3
+    stations = survey.truth.xyz[:: max(len(survey.truth.xyz) // 500, 1)]
+    true = count_crossings(survey, stations, within).n_sweeps
+    near = cKDTree(survey.points.xyz).query_ball_point(stations, within)
+    found = np.array([support_of(lines, np.array(index, dtype=np.int64)).n_lines for index in near])
+    many = true >= 2
+    return found[many].sum() / true[many].sum(), np.mean(np.abs(found - true)[many] <= 0.1 * true[many])
+
+
 def main():
     print(
-        f"{'survey':<20}{'points':>10}{'timing':>8}{'lines':>7}{'read':>7}  ns a point {'ratio':>9}{'right':>9}"
+        f"{'survey':<20}{'points':>10}{'timing':>8}{'lines':>7}{'read':>7}  ns a point {'ratio':>9}{'right':>9}{'crossings':>11}{'within 10 %':>13}"
     )
     for road, seed, scanner, density in SURVEYS:
         survey = simulate_survey(road, seed, 80.0, points_per_m=density, scanner=scanner)
@@ -65,9 +78,10 @@ def main():
         for_lines, lines = best(
             lambda survey=survey, timing=timing: recover_scan_lines(survey.points, timing)
         )
+        ratio, within = crossings(survey, lines)
         print(
             f"{road + ' ' + scanner:<20}{n:>10,}{for_timing / n * 1e9:8.0f}{for_lines / n * 1e9:7.0f}{read / n * 1e9:7.0f}"
-            f"{'':13}{(for_timing + for_lines) / read:9.2f}{100 * share_right(survey, lines):8.2f}%"
+            f"{'':13}{(for_timing + for_lines) / read:9.2f}{100 * share_right(survey, lines):8.2f}%{ratio:11.3f}{100 * within:12.1f}%"
         )
 
 
