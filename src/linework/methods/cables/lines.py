@@ -13,6 +13,7 @@ from scipy.ndimage import median_filter
 from linework.arrays import BoolArray, FloatArray
 from linework.methods.cables.band import CableBand
 from linework.methods.cables.fit import FittedWire, WireSurroundings
+from linework.model.ground import Ground
 from linework.model.lines import LineSet
 
 #: Largest distance of a chord from the catenary, k d^2 / 8: 6 mm at 1 m and 0.05 per m, 0.6 mm on a usual wire. [m]
@@ -30,6 +31,8 @@ _BLOCK_M = 2.0
 _LEAST_BLOCKS, _MOST_INFLATION = 5, 5.0
 #: Points of the median of the ground below a wire: drops single cells with a vehicle or a bush.
 _GROUND_MEDIAN = 7
+#: Least share of a wire's vertices over known ground for its clearance to be known: the lowest place is in mid-span.
+_KNOWN_SHARE = 0.5
 #: Scales of the confidence: length [m] and number of points at which a factor is 1 - 1/e.
 _SURE_LENGTH_M, _SURE_POINTS = 6.0, 8.0
 #: Confidence of a wire without occupied metres, its increase with their share, and weight of crowded metres.
@@ -140,6 +143,21 @@ def _clearance(band: CableBand, wire: FittedWire, line: FloatArray) -> float:
     at = wire.plan.stations(line[:, :2])[0]
     level = np.interp(at, s[order], median_filter(ground, size=_GROUND_MEDIAN, mode="nearest"))
     return float((line[:, 2] - level).min())
+
+
+def with_known_clearance(lines: LineSet, surface: Ground) -> LineSet:
+    """Return wires without the clearance of those of which less than half hangs over ground that is known.
+
+    Where the ground is only extended from elsewhere, a height above it is no clearance.
+    """
+    if not len(lines):
+        return lines
+    rows, cols = (np.floor(at).astype(np.int64) for at in surface.grid.to_cell(lines.xyz[:, :2]))
+    inside = (rows >= 0) & (rows < surface.grid.n_rows) & (cols >= 0) & (cols < surface.grid.n_cols)
+    known = np.zeros(len(lines.xyz), dtype=np.float64)
+    known[inside] = surface.is_known[rows[inside], cols[inside]]
+    share = np.add.reduceat(known, lines.offsets[:-1]) / np.diff(lines.offsets)
+    return lines.with_columns(clearance_m=np.where(share >= _KNOWN_SHARE, lines.clearance_m, np.nan))
 
 
 def _time_span(band: CableBand, wire: FittedWire, time_s: FloatArray | None) -> tuple[float, float]:

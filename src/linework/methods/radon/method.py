@@ -15,6 +15,7 @@ import numpy as np
 
 from linework.imaging.raster import grid_for, in_height_band, rasterise
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
+from linework.methods.cables.lines import with_known_clearance
 from linework.methods.protocol import (
     Recording,
     StepResult,
@@ -166,12 +167,14 @@ class CableMethod:
         """Yield name and result of each step of `look`, the lines at last."""
         points = piece.points
         # Height above the ground, of which the road is part
-        above_ground = height_above_ground(surface_of_tile(piece), points.xyz)
+        surface = surface_of_tile(piece)
+        above_ground = height_above_ground(surface, points.xyz)
         yield "height above the ground", above_ground
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
         lines = find_cables(
             points.xyz, points.time_s, above_ground, self.config.cable, piece.origin, self.find_peaks
         )
+        lines = with_known_clearance(lines, surface)
         # When the points on each line were measured
         yield "cables", of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)
 
