@@ -32,7 +32,7 @@ def test_the_survey_is_that_of_the_command_opened(linework, tmp_path):
         ),
         (
             {"road": "lunar"},
-            "road: there is no road 'lunar'. Choose one of straight, bends, urban, motorway.",
+            "road: there is no road 'lunar'. Choose one of straight, bends, urban, motorway, ",
         ),
         ({"road": None}, "road: there is no road None. Choose one of"),
         ({"length_m": 5}, "length_m: a road of 5 m cannot be simulated. Choose 40 to 5000 m."),

@@ -66,10 +66,11 @@ def test_ranges_hold_over_many_seeds():
             wet += bad.rain_share > 0.0
             two += len(scenario.passes) == 2
             opposite += {p.direction for p in scenario.passes} == {1, -1}
-    assert 60 < eight < 90
-    assert wet > 30
-    assert two > 80
-    assert opposite > 0.6 * two
+    n = 30 * len(ROADS)
+    assert 0.5 * n < eight < 0.75 * n
+    assert wet > 0.2 * n
+    assert two > 0.5 * n
+    assert opposite > 0.4 * two
 
 
 def test_a_boresight_error_turns_beams_about_the_scanner():

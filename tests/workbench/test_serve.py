@@ -166,7 +166,7 @@ def test_ends_while_it_opens(made_drive, tmp_path):
     assert process.returncode == 130
     assert out == ""
     assert err.splitlines()[-1].startswith(("stopped", "interrupted"))
-    assert not any(is_running(pid) for pid in at_work)
+    wait_until(lambda: not any(is_running(pid) for pid in at_work))
 
 
 def test_killed_it_leaves_no_process(served_alone):

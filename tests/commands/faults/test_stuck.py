@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from tests.scenes.drawing_scenes import some_lines
+from tests.workbench.serve_process import wait_until
 
 from linework.files.vectors.read_write import write_lines
 
@@ -79,6 +80,7 @@ def test_a_call_that_does_not_return_is_ended(path, tmp_path, place, stuck):
 def test_the_second_interrupt_ends_a_call_that_does_not_return(path, tmp_path):
     process = start("reading", "waits", "convert", path, tmp_path / "out.geojson")
     try:
+        wait_until(lambda: sleeps(process.pid))
         process.send_signal(signal.SIGINT)
         with pytest.raises(subprocess.TimeoutExpired):
             process.wait(timeout=0.5)
@@ -87,6 +89,11 @@ def test_the_second_interrupt_ends_a_call_that_does_not_return(path, tmp_path):
         process.kill()
         process.communicate()
     assert process.returncode == -signal.SIGINT
+
+
+def sleeps(pid: int) -> bool:
+    """Return whether the first thread waits, here for the lock; until then, a signal may come before the call."""
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "S"
 
 
 def children_of(pid: int) -> list[int]:

@@ -88,6 +88,28 @@ class TimeCounts:
         share[(begin >= start_s) & (end <= end_s)] = 1.0
         return float(np.sum(share * self.counts) / max(int(self.counts.sum()), 1))
 
+    def share_in_gap(self, start_s: float, end_s: float) -> float:
+        """Return the share of the points measured in a gap of something else, from `start_s` to `end_s`.
+
+        As `share_within`, but points that stop with the bucket in which the gap begins, or start with the one in which
+        it ends, are taken to be outside.
+
+        >>> counts = TimeCounts()
+        >>> counts.add(np.array([0.0, 0.1, 400.0, 400.1]))
+        >>> counts.share_in_gap(0.11, 399.9)
+        0.0
+        >>> counts.share_in_gap(-1.0, 200.0)
+        0.5
+        """
+        width = 2.0**self.level
+        edges = (self.first + np.arange(len(self.counts) + 1)) * width
+        whole = (edges[:-1] >= start_s) & (edges[1:] <= end_s)
+        if whole.any() and not self.counts[whole][0]:
+            start_s = max(start_s, float(edges[:-1][whole][0]))
+        if whole.any() and not self.counts[whole][-1]:
+            end_s = min(end_s, float(edges[1:][whole][-1]))
+        return self.share_within(start_s, end_s)
+
     def ends_a_week(self) -> bool:
         """Return whether all times are within a day of the end of a GPS week, on both sides of it.
 

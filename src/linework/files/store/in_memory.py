@@ -162,7 +162,7 @@ def _in_holes(trajectory: Trajectory, facts: StoreFacts) -> tuple[str, ...]:
     steps = np.diff(trajectory.time_s)
     holes = np.flatnonzero(steps > max(_LEAST_HOLE_S, _HOLE_STEPS * float(np.median(steps))))
     spans = [(float(trajectory.time_s[i]), float(trajectory.time_s[i + 1])) for i in holes]
-    share = sum(facts.times.share_within(a, b) for a, b in spans)
+    share = sum(facts.times.share_in_gap(a, b) for a, b in spans)
     if share <= 0.0:
         return ()
     start, end = max(spans, key=lambda span: span[1] - span[0])
