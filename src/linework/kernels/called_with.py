@@ -179,6 +179,8 @@ tracking.smooth.smooth_plane = paint boundaries pairs
     f8:1C f8:2C f8:1C f8:1C
 tracking.times.moving_sums = rails
     f8:2C i8:1C i8
+tracking.times.points_near = rails
+    f8:2C! f8:2C i8:1C f8
 tracking.times.times_near = rails
     f8:2C! f8:1C! f8:2C i8:1C i8 f8
 tracking.track.support = paint boundaries pairs

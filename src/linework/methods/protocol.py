@@ -21,10 +21,12 @@ from linework.model.ground import Ground
 from linework.model.images import Poses
 from linework.model.lines import LineSet
 from linework.model.points import Points
+from linework.model.scanner import ScannerTiming
 from linework.model.tile import TileData, local_origin
 from linework.model.trajectory import Trajectory
 from linework.processes.identity import is_installed
 from linework.processes.own_code import call_own
+from linework.scanlines.sampled import timing_of_points
 from linework.surface.cells import CellWindow
 from linework.surface.road import RoadConfig, find_ground
 
@@ -282,6 +284,11 @@ def surface_of_tile(tile: TileData) -> Ground:
         return tile.surface
     cell_m = RoadConfig().cell_m
     return tile.surface.on_grid(CellWindow.over(tile.points.bounds, cell_m).grid(cell_m))
+
+
+def scanner_of_tile(tile: TileData) -> ScannerTiming:
+    """Return what is known of the scanner of a tile: the survey's, or found in the tile's points."""
+    return timing_of_points(tile.points) if tile.scanner is None else tile.scanner
 
 
 def origin_of_tile(tile: TileData) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
 from linework.model.points import Points
+from linework.model.scanner import ScannerTiming
 from linework.model.trajectory import Trajectory
 
 #: Local origins are whole multiples of this: of every lattice that methods use (cells, windows, columns). [m]
@@ -37,6 +38,8 @@ class TileData:
         numbers in each of them; None: derived from the points (see `local_origin`).
     is_whole
         Whether the tile is the whole survey: its lines are then not cut at the edges of the core.
+    scanner
+        What is known of the survey's scanner; None: the method derives it from the points.
     """
 
     tile_id: str
@@ -47,6 +50,7 @@ class TileData:
     surface: Ground | None = None
     origin: tuple[float, float, float] | None = None
     is_whole: bool = True
+    scanner: ScannerTiming | None = None
 
 
 def local_origin(west: float, south: float, low: float) -> tuple[float, float, float]:

@@ -21,6 +21,7 @@ from linework.imaging.rectify import Rectifier, rectifier_of
 from linework.model.camera import StereoRig
 from linework.model.grid import Image
 from linework.model.images import ImagePair, StereoSeries
+from linework.model.scanner import ScannerTiming
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
 from linework.runs.extraction import Failure
@@ -67,6 +68,8 @@ class TiledPoints:
         Name of the survey.
     origin
         Local origin of the survey. [m, world]
+    scanner
+        What is known of the scanner.
     """
 
     store: Path
@@ -74,6 +77,7 @@ class TiledPoints:
     trajectory: Path | None
     source: str
     origin: tuple[float, float, float]
+    scanner: ScannerTiming
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +111,15 @@ class TilePiece:
         path = _trajectory(survey.trajectory) if survey.trajectory else None
         if len(points):
             data = TileData(
-                tile.tile_id, tile.core, points, path, survey.source, surface, survey.origin, self.is_whole
+                tile.tile_id,
+                tile.core,
+                points,
+                path,
+                survey.source,
+                surface,
+                survey.origin,
+                self.is_whole,
+                survey.scanner,
             )
             yield Loaded(data, len(points))
 

@@ -34,6 +34,7 @@ from linework.runs.settings import RunSettings, TilingConfig
 from linework.runs.steps import RunSteps
 from linework.runs.tasks import RunTask, TasksDone
 from linework.runs.tiles import Tile, plan_tiles
+from linework.scanlines.sampled import sampled_timing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,8 +175,10 @@ class LaserSource:
             path = run.path / "trajectory.arrays"
             write_part(opened.trajectory, path)
         origin = local_origin(store.bounds.west, store.bounds.south, surface.z0_m)
-        survey = TiledPoints(store.folder, surface.tiles.folder, path, opened.survey.name, origin)
-        blocks, _ = store.block_counts
+        blocks, counts = store.block_counts
+        times = opened.facts.times
+        scanner = sampled_timing(blocks, counts, store.points, (times.low_s, times.high_s))
+        survey = TiledPoints(store.folder, surface.tiles.folder, path, opened.survey.name, origin, scanner)
         plans = [
             plan_tiles(
                 store.bounds, blocks, STORE_BLOCK_M, store.count_in, method.buffer_m, tiling,

@@ -8,6 +8,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.errors import UsageError
+from linework.model.scanner import AIRBORNE, SPINNING, ScannerTiming
 from linework.scanlines.scan_lines import ScanLines
 
 #: A pause between scan lines at one place that makes them two passes: a mirror is back within a second, a van that turns
@@ -15,6 +16,11 @@ from linework.scanlines.scan_lines import ScanLines
 PASS_PAUSE_S = 10.0
 #: A candidate nearer to the direction of the scan lines lies along them: one line may draw all of it. [deg]
 ALONG_DEG = 10.0
+#: A single scan line draws a curve on whatever it meets, and two neighbouring lasers draw two beside each other: a line
+#: takes this many scan lines (effective number) that agree.
+LEAST_CROSSINGS = 3.0
+#: Half a turn of the fastest mirrors, of 500 turns a second. [s]
+HALF_TURN_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +110,54 @@ def support_of(lines: ScanLines, points: IntArray, along: tuple[float, float] | 
         ),
         angle_deg=angle,
     )
+
+
+def crossings_in_time(
+    time_s: FloatArray, laser: AnyArray | None = None, timing: ScannerTiming | None = None
+) -> tuple[int, float]:
+    """Return how many scan lines drew the points of a candidate, and the effective number (sum w)**2 / sum w**2.
+
+    Told by pauses alone, for candidates of few points: a beam crosses a thing within a fraction of a turn.
+
+    Parameters
+    ----------
+    time_s
+        (n,) float64 [s], in any order.
+    laser
+        (n,) number of the laser of a spinning scanner, or None.
+    timing
+        Of the survey; None: not known.
+
+    Notes
+    -----
+    A pause of half a turn is between two lines. How long a turn takes is not known of several heads in one stream, and of
+    strips: there a millisecond is, half a turn of the fastest mirrors. Of a spinning lidar that was not seen to turn, all
+    points of a laser are one line.
+
+    Examples
+    --------
+    >>> from linework.model.points import Points
+    >>> from linework.scanlines.timing import scanner_timing
+    >>> x, y = np.tile(np.linspace(0.0, 5.0, 50), 20), np.repeat(np.arange(20) * 0.1, 50)
+    >>> time = np.repeat(np.arange(20) * 0.02, 50) + np.tile(np.arange(50) * 1e-4, 20)
+    >>> timing = scanner_timing(Points(np.stack([x, y, 0.0 * x], axis=1), time_s=time))
+    >>> crossings_in_time(time[x == 0.0], timing=timing), crossings_in_time(time[y == 0.0], timing=timing)
+    ((20, 20.0), (1, 1.0))
+    """
+    if not len(time_s):
+        return 0, 0.0
+    pause = HALF_TURN_S
+    if timing is not None and timing.kind != AIRBORNE:
+        turn = np.fmax.reduce(timing.turn_s, initial=np.nan)
+        if np.isfinite(turn):
+            pause = 0.5 * float(turn)
+        elif timing.kind == SPINNING:
+            pause = np.inf
+    beam = np.zeros(len(time_s)) if laser is None else laser
+    order = np.lexsort((time_s, beam))
+    starts = (np.diff(beam[order]) != 0) | (np.diff(time_s[order]) > pause)
+    weight = np.diff(np.flatnonzero(np.concatenate([[True], starts, [True]]))).astype(np.float64)
+    return len(weight), float(weight.sum() ** 2 / np.sum(weight**2))
 
 
 def points_near_segment(xy: FloatArray, start: FloatArray, end: FloatArray, width_m: float) -> IntArray:

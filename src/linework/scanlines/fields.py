@@ -14,7 +14,8 @@ from linework.model.points import Points
 _LATEST_S = 1e11
 #: Columns of the source (flight strip, drive) and of the head of a scanner.
 SOURCE, HEAD = "point_source_id", "scanner_channel"
-#: Names under which files have the number of the laser of a spinning scanner.
+#: Field of LAS files without a meaning by the standard; names under which files have the laser of a spinning scanner.
+USER_DATA = "user_data"
 BEAM_COLUMNS = ("ring", "laser_id", "laser_number", "laser", "beam", "ring_id", "channel")
 #: Fewest and most lasers of a spinning scanner; fields with other numbers of values are something else.
 _BEAMS = (4, 512)
@@ -97,6 +98,19 @@ def fields_of(points: Points, used: tuple[str, ...] | None = None) -> ScanFields
     )
 
 
+def laser_column(points: Points) -> str:
+    """Return the name of the column that has the laser of each point of a spinning scanner, "" for none.
+
+    It is one of `BEAM_COLUMNS`, or the user data of LAS files where that is what it holds.
+
+    >>> laser, turn = np.arange(80) % 16, np.arange(80) // 16
+    >>> turning = Points(np.stack([laser, 0.1 * turn, 0.0 * turn], axis=1), time_s=np.arange(80.0), user_data=laser)
+    >>> laser_column(turning)
+    'user_data'
+    """
+    return _beams(points)[1] if len(points) else ""
+
+
 def _column(points: Points, name: str, used: tuple[str, ...] | None) -> Int32Array | None:
     """Return a column of whole numbers: one that is used in the whole survey, or else one that varies here."""
     if used is None:
@@ -137,21 +151,35 @@ def _orders(time_s: FloatArray) -> bool:
 def _beams(points: Points) -> tuple[Int32Array | None, str]:
     """Return the laser of each point and the column that has it.
 
-    The user data of LAS files holds it too, by no standard: it is taken where it has as many values as lasers and another
-    value from pulse to pulse, as nothing else does that is written there.
+    The user data of LAS files holds it too, by no standard: it is taken where it has as many values as lasers, and
+    successive points of one value are nearer to each other than successive points, as those of a laser are.
     """
-    for name in (*BEAM_COLUMNS, "user_data"):
+    for name in (*BEAM_COLUMNS, USER_DATA):
         values = _whole(points, name)
         if values is None:
             continue
         n_values = np.count_nonzero(np.bincount(values))
         if not _BEAMS[0] <= n_values <= _BEAMS[1]:
             continue
-        if name == "user_data":
+        if name == USER_DATA:
             if points.time_s is None or n_values < 8:
                 continue
-            by_time = values[np.argsort(points.time_s, kind="stable")]
-            if np.mean(by_time[1:] != by_time[:-1]) < 0.5:
+            order = np.argsort(points.time_s, kind="stable")
+            if not _draws_rings(values[order], points.xyz[order]):
                 continue
         return values, name
     return None, ""
+
+
+def _draws_rings(value: Int32Array, xyz: FloatArray) -> bool:
+    """Return whether points (n, 3) by time, of one value (n,) each, follow each other more closely than all do."""
+    changes = value[1:] != value[:-1]
+    if np.mean(changes) < 0.5:
+        return False
+    own = np.argsort(value, kind="stable")
+    same = value[own][1:] == value[own][:-1]
+    if not same.any():
+        return False
+    along = np.linalg.norm(np.diff(xyz[own], axis=0)[same], axis=1)
+    across = np.linalg.norm(np.diff(xyz, axis=0)[changes], axis=1)
+    return bool(np.median(along) < np.median(across))

@@ -25,9 +25,9 @@ from linework.kernels.scanlines.turns import (
     turn_of_points,
 )
 from linework.model.points import Points
+from linework.model.scanner import AIRBORNE, PROFILE, SPINNING, UNORDERED, ScannerTiming
 from linework.scanlines.fields import ScanFields, fields_of
 from linework.scanlines.pattern import mean_spacing_m
-from linework.scanlines.scan_lines import AIRBORNE, PROFILE, SPINNING, UNORDERED, ScannerTiming
 
 #: A spot that leaves its string by more than this is on another thing: a car or a pole stands out by less, walls and
 #: ditches beside a road by about as much. [m]

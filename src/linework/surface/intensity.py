@@ -87,7 +87,7 @@ def full_scale(intensity: Float32Array) -> float:
 
 
 def normalised_intensity(
-    points: Points, surface: Ground, trajectory: Trajectory | None = None
+    points: Points, surface: Ground, trajectory: Trajectory | None = None, laser: AnyArray | None = None
 ) -> tuple[Float32Array, Tier]:
     """Return intensities with asphalt at 1, (n,) float32, and the tier used.
 
@@ -97,6 +97,8 @@ def normalised_intensity(
         With intensities; tiers 1 and 2 need times.
     trajectory
         Path of the van, on the ground; None: unknown.
+    laser
+        (n,) number of the laser of a spinning scanner: each has a gain of its own. None: there is one.
 
     Raises
     ------
@@ -113,6 +115,43 @@ def normalised_intensity(
     if len(points) == 0:
         return points.intensity, Tier.LOCAL
     on_road = is_road_point(surface, points.xyz) & (points.intensity < full_scale(points.intensity))
+    normal, tier = _normalised(points, points.intensity, surface, trajectory, on_road)
+    if laser is not None:
+        # Gains show once range and incidence are out, and change the levels of asphalt once more
+        evened = points.intensity / gain_of_lasers(normal, laser, on_road)
+        normal, tier = _normalised(points, evened, surface, trajectory, on_road)
+    return normal, tier
+
+
+def gain_of_lasers(normal: Float32Array, laser: AnyArray, on_road: BoolArray) -> Float32Array:
+    """Return the gain of each point's laser over all of them, (n,) float32; 1 for lasers with few points on the road.
+
+    Parameters
+    ----------
+    normal, laser, on_road
+        (n,) intensity with asphalt at 1, (n,) number of the laser, and (n,) bool.
+
+    >>> normal = np.repeat(np.array([0.9, 1.2], dtype=np.float32), 50)
+    >>> gain_of_lasers(normal, np.repeat([3, 7], 50), np.ones(100, dtype=bool))[[0, 99]].round(2).tolist()
+    [0.9, 1.2]
+    """
+    gain: Float32Array = np.ones(len(normal), dtype=np.float32)
+    usable = on_road & np.isfinite(normal) & (normal > 0.0)
+    for number in np.unique(laser[usable]):
+        own = laser == number
+        values = normal[own & usable]
+        if len(values) >= LEAST_LEVEL_POINTS:
+            gain[own] = np.median(values)
+    return gain
+
+
+def _normalised(
+    points: Points,
+    intensity: Float32Array,
+    surface: Ground,
+    trajectory: Trajectory | None,
+    on_road: BoolArray,
+) -> tuple[Float32Array, Tier]:
     tier = Tier.LOCAL
     path = None
     if points.time_s is not None:
@@ -120,16 +159,16 @@ def normalised_intensity(
         if trajectory is not None and len(trajectory) > 1:
             path, tier = path_at_scanner(trajectory, path), Tier.TRAJECTORY
     if path is None:
-        level = local_level(points.xyz, points.intensity, on_road, INTENSITY_BLOCK_M, BLOCK_SHARE)
-        return _over(points.intensity, level), Tier.LOCAL
+        level = local_level(points.xyz, intensity, on_road, INTENSITY_BLOCK_M, BLOCK_SHARE)
+        return _over(intensity, level), Tier.LOCAL
     range_m, cosine = view_of(points, path, surface)
-    levels = fit_views(kernels.count_views(points.intensity, range_m, cosine, on_road))
-    ratio = _over(points.intensity, levels.of(range_m, cosine))
+    levels = fit_views(kernels.count_views(intensity, range_m, cosine, on_road))
+    ratio = _over(intensity, levels.of(range_m, cosine))
     seen = ~np.isnan(ratio)
     normal = _over(ratio, local_level(points.xyz, ratio, on_road & seen, PART_M, PART_SHARE))
     if not seen.all():
-        other = local_level(points.xyz, points.intensity, on_road, INTENSITY_BLOCK_M, BLOCK_SHARE)
-        normal = np.where(seen, normal, _over(points.intensity, other))
+        other = local_level(points.xyz, intensity, on_road, INTENSITY_BLOCK_M, BLOCK_SHARE)
+        normal = np.where(seen, normal, _over(intensity, other))
     return normal, tier if seen.any() else Tier.LOCAL
 
 

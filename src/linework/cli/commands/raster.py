@@ -232,9 +232,13 @@ def _publish(
 
 
 def _normalised(points: Points, surface: Ground, path: Trajectory | None) -> Float32Array | None:
+    from linework.scanlines.fields import laser_column
     from linework.surface.intensity import normalised_intensity
 
-    return None if points.intensity is None else normalised_intensity(points, surface, path)[0]
+    if points.intensity is None:
+        return None
+    laser = laser_column(points)
+    return normalised_intensity(points, surface, path, points.columns[laser] if laser else None)[0]
 
 
 def _record(

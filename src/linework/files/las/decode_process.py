@@ -25,8 +25,10 @@ from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.last_chunk import last_chunk_warnings
 from linework.files.las.repeats import PointSample, repeated_inside
 from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, TimeVerdict
+from linework.model.points import Points
 from linework.processes.channel import Channel
 from linework.processes.child import OUT_OF_MEMORY
+from linework.scanlines.fields import laser_column
 
 if TYPE_CHECKING:
     from linework.files.store.layout import RunTable
@@ -57,6 +59,8 @@ def decoder_main(channel: Channel, _arguments: list[str]) -> None:
 def run_decode_task(task: DecodeTask, report: SendReport) -> dict[str, Any]:
     """Run a task and return its final message; exceptions become messages too."""
     try:
+        if task.finds_laser:
+            return {"done": {"laser": _laser_of(task)}}
         return {"done": decode_file(task, report).to_document()}
     except (InputError, MachineError) as error:
         return {"refused": error_message(error)}
@@ -87,6 +91,17 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
         task.target.unlink()
         written = _write(task, header, LasTally(uses_time=False, keeps_noise=task.keeps_noise), report)
     return _decoded(written, verdict, last_chunk_warnings(task.path, header))
+
+
+def _laser_of(task: DecodeTask) -> str:
+    """Return which of the columns `carry` has the laser of a spinning scanner, "" for none, by the first points."""
+    header = read_las_header(task.path)
+    with contextlib.closing(
+        read_las_batches(task.path, header, carry=task.carry, batch_points=task.batch_points)
+    ) as batches:
+        first = next(batches)
+        further = dict(zip(task.carry, first.columns.copy(), strict=True))
+        return laser_column(Points(first.xyz, time_s=first.time_s, columns=further))
 
 
 class _Written:

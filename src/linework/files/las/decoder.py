@@ -6,8 +6,9 @@ Four changed bytes in a LAZ file can make a decoder abort its process, take all 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -23,6 +24,8 @@ _FEW_ARENAS = {"MALLOC_ARENA_MAX": "4"}
 _LONGEST_BYTES = 1 << 29
 #: A machine's first run compiles the kernels that write points: 5 s, and minutes where the machine is busy. [s]
 _LOADING_S = 600.0
+#: Points that show whether a column has the laser of a spinning scanner: a chunk, some turns. [points]
+_FIRST_POINTS = 50_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +102,23 @@ class Decoder:
         finally:
             self.close()  # the next file has a process with all threads
 
+    def laser_column(self, path: Path, columns: Sequence[str]) -> str:
+        """Return which of the columns of a file has the laser of a spinning scanner, "" for none.
+
+        A file that cannot be decoded has none: `decode` says why.
+        """
+        process = self._process or DecoderProcess(self._n_threads, self._limits)
+        self._process = process
+        task = DecodeTask(
+            path=path, target=path, carry=tuple(columns), batch_points=_FIRST_POINTS, finds_laser=True
+        )
+        try:
+            laser = process.answer(task, lambda _: None).get("laser", "")
+        except (DecoderDiedError, InputError):
+            self.close()
+            return ""
+        return laser if laser in columns else ""
+
     def _attempt(self, task: DecodeTask, progress: Callable[[int], None], n_threads: int) -> Decoded:
         process = self._process or DecoderProcess(n_threads, self._limits)
         self._process = process
@@ -152,7 +172,15 @@ class DecoderProcess:
         self._is_ready = False
 
     def decode(self, task: DecodeTask, progress: Callable[[int], None]) -> Decoded:
-        """Send a task and wait for its result.
+        """Send a task and wait for its result; raises what `answer` raises."""
+        document = self.answer(task, progress)
+        try:
+            return Decoded.from_document(document)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise self._death(NONSENSE, 0) from error
+
+    def answer(self, task: DecodeTask, progress: Callable[[int], None]) -> dict[str, Any]:
+        """Send a task and wait for what it is answered with.
 
         Raises
         ------
@@ -178,7 +206,10 @@ class DecoderProcess:
                 self._timeout_s = self._stall_s
                 progress(n_read)
             elif "done" in message:
-                return self._decoded(message["done"], n_read)
+                done = message["done"]
+                if isinstance(done, dict):
+                    return done
+                raise self._death(NONSENSE, n_read)
             elif "refused" in message:
                 raise error_from_message(message["refused"])
             elif "died" in message:
@@ -197,12 +228,6 @@ class DecoderProcess:
         except ValueError as error:
             raise self._death(NONSENSE, n_read) from error
         return message if isinstance(message, dict) else {}
-
-    def _decoded(self, document: Any, n_read: int) -> Decoded:
-        try:
-            return Decoded.from_document(document)
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise self._death(NONSENSE, n_read) from error
 
     def _death(self, ending: Ending, n_read: int) -> DecoderDiedError | MachineError:
         """Return the error for an ending, with the last words of the process as a note."""

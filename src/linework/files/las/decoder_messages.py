@@ -54,6 +54,8 @@ class DecodeTask:
         Use points of noise classes.
     continues_week
         Continue seconds of the week that begin anew at 0 past the end of the week before.
+    finds_laser
+        Write nothing: say which of `carry` has the laser of a spinning scanner, by the first batch.
     """
 
     path: Path
@@ -66,6 +68,7 @@ class DecodeTask:
     is_sequential: bool = False
     keeps_noise: bool = False
     continues_week: bool = False
+    finds_laser: bool = False
 
     def to_message(self) -> bytes:
         """Return it as a message."""

@@ -24,6 +24,7 @@ from linework.files.store.read import PointStore
 from linework.files.store.write import write_index
 from linework.model.grid import Bounds
 from linework.model.survey import Survey
+from linework.scanlines.fields import BEAM_COLUMNS, USER_DATA
 
 #: Bytes of a point in the store (key, time, intensity), and of each further column.
 _POINT_BYTES, _COLUMN_BYTES = 18, 4
@@ -67,8 +68,9 @@ def build_store(
     with Decoder(n_threads, limits or DecoderLimits()) as decoder:
         planned, account = plan_files(survey)
         lacking = _files_without(planned, survey.carry)
-        check_free_space(folder, sum(file.header.n_points for file in planned), len(survey.carry))
-        decoded = _decode_all(decoder, planned, account, folder, survey, progress)
+        carry = sorted({*survey.carry, *_laser_columns(decoder, planned)})
+        check_free_space(folder, sum(file.header.n_points for file in planned), len(carry))
+        decoded = _decode_all(decoder, planned, account, folder, survey, carry, progress)
     if not decoded:
         first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
         raise first or account.empty or InputError("no points", where=survey.root)
@@ -76,7 +78,7 @@ def build_store(
     results = [result for _, result in decoded]
     n_points = sum(result.n_points for result in results)
     refuse_degrees([result.sample for result in results], n_points, where=decoded[0][0].path)
-    facts = _facts(survey, decoded, account, lacking)
+    facts = _facts(survey, decoded, account, lacking, carry)
     runs = RunTable.concatenate(*(result.runs for result in results))
     write_index(folder, runs, facts, stray_limits(runs, [result.height_counts for result in results]))
     return facts_of_store(PointStore.open(folder))
@@ -88,6 +90,7 @@ def _decode_all(
     account: StoreBuildAccount,
     folder: Path,
     survey: Survey,
+    carry: Sequence[str],
     progress: Callable[[int, int], None] | None,
 ) -> list[tuple[PlannedFile, Decoded]]:
     """Decode the files one after the other; failures go into the account and leave no file."""
@@ -102,7 +105,7 @@ def _decode_all(
                 progress(n_before + n_read, n_promised)
 
         task = DecodeTask(
-            path=file.path, target=target, factors=file.crs.factors, carry=tuple(sorted(survey.carry)),
+            path=file.path, target=target, factors=file.crs.factors, carry=tuple(carry),
             sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
             batch_points=decoder.batch_points, keeps_noise=keeps_noise(survey), continues_week=continues_week,
         )  # fmt: skip
@@ -160,6 +163,15 @@ def _files_without(planned: Sequence[PlannedFile], carry: Sequence[str]) -> dict
         if without:
             found[name] = without
     return found
+
+
+def _laser_columns(decoder: Decoder, planned: Sequence[PlannedFile]) -> list[str]:
+    """Return the column that has the laser of a spinning scanner, if all files have one; by the first file's points."""
+    there = [name for name in (*BEAM_COLUMNS, USER_DATA) if all(name in f.header.columns for f in planned)]
+    if not planned or not there or not all(file.header.has_time for file in planned):
+        return []
+    laser = decoder.laser_column(planned[0].path, there)
+    return [laser] if laser else []
 
 
 def _without_copies(
@@ -247,6 +259,7 @@ def _facts(
     decoded: Sequence[tuple[PlannedFile, Decoded]],
     account: StoreBuildAccount,
     lacking: Mapping[str, Sequence[Path]],
+    carry: Sequence[str],
 ) -> dict[str, object]:
     """Return the facts of the store as a JSON document."""
     files = tuple(_file_facts(file, result) for file, result in decoded)
@@ -273,7 +286,7 @@ def _facts(
         gps_time_kind=_common_kind(files),
         has_intensity=n_dark < len(results),
         crs=survey.crs,
-        columns=sorted(survey.carry),
+        columns=list(carry),
         has_time=n_untimed == 0,
         in_time_order=n_untimed == 0 and all(result.in_time_order for result in results) and all(follows),
     )  # fmt: skip

@@ -33,8 +33,9 @@ _LEAST_BLOCKS, _MOST_INFLATION = 5, 5.0
 _GROUND_MEDIAN = 7
 #: Least share of a wire's vertices over known ground for its clearance to be known: the lowest place is in mid-span.
 _KNOWN_SHARE = 0.5
-#: Scales of the confidence: length [m] and number of points at which a factor is 1 - 1/e.
-_SURE_LENGTH_M, _SURE_POINTS = 6.0, 8.0
+#: Scales of the confidence: length [m] at which a factor is 1 - 1/e, and number of crossings: the five unknowns of a
+#: catenary and a line.
+_SURE_LENGTH_M, _SURE_POINTS = 6.0, 5.0
 #: Confidence of a wire without occupied metres, its increase with their share, and weight of crowded metres.
 _EMPTY, _PER_OCCUPIED, _CROWDED_WEIGHT = 0.4, 0.7, 0.5
 
@@ -42,7 +43,7 @@ _EMPTY, _PER_OCCUPIED, _CROWDED_WEIGHT = 0.4, 0.7, 0.5
 def lines_of_wires(
     band: CableBand,
     wires: list[FittedWire],
-    around: list[WireSurroundings],
+    sure: list[float],
     time_s: FloatArray | None,
     spacing_m: float,
 ) -> LineSet:
@@ -50,8 +51,8 @@ def lines_of_wires(
 
     Parameters
     ----------
-    around
-        Surroundings of each wire.
+    sure
+        Confidence of each wire.
     time_s
         (n,) times of the points of the tile [s], or None.
     spacing_m
@@ -59,7 +60,7 @@ def lines_of_wires(
     """
     lines = [_vertices(w, spacing_m) for w in wires]
     order = sorted(range(len(wires)), key=lambda i: tuple(lines[i][0].round(3)))
-    wires, lines, around = [wires[i] for i in order], [lines[i] for i in order], [around[i] for i in order]
+    wires, lines, sure = [wires[i] for i in order], [lines[i] for i in order], [sure[i] for i in order]
     if not lines:
         return LineSet.empty()
     sigmas = [_sigmas(band, w, line) for w, line in zip(wires, lines, strict=True)]
@@ -73,7 +74,7 @@ def lines_of_wires(
         kind=["cable"] * n,
         method=["radon"] * n,
         clearance_m=[_clearance(band, w, line) for w, line in zip(wires, lines, strict=True)],
-        confidence=[confidence(w, a) for w, a in zip(wires, around, strict=True)],
+        confidence=sure,
         time_start_s=[t[0] for t in spans],
         time_end_s=[t[1] for t in spans],
     )
@@ -167,14 +168,16 @@ def _time_span(band: CableBand, wire: FittedWire, time_s: FloatArray | None) -> 
     return float(t.min()), float(t.max())
 
 
-def confidence(wire: FittedWire, around: WireSurroundings) -> float:
+def confidence(wire: FittedWire, around: WireSurroundings, crossings: float | None = None) -> float:
     """Return the confidence, 0 to 1, that this is a wire.
 
-    Each factor is near 1 for a wire that is long, densely hit, thin and isolated. Its constants were chosen by hand;
+    `crossings` is the effective number of scan lines that drew it, None where points do not tell: then each point counts
+    as one. Each factor is near 1 for a wire that is long, densely hit, thin and isolated. Its constants were chosen by hand;
     the surveys they were tuned on are not recorded.
     """
     long_enough = 1.0 - math.exp(-wire.length_m / _SURE_LENGTH_M)
-    seen = 1.0 - math.exp(-around.n_points / _SURE_POINTS)
+    n_seen = around.n_points if crossings is None else min(crossings, around.n_points)
+    seen = 1.0 - math.exp(-n_seen / _SURE_POINTS)
     whole = min(1.0, _EMPTY + _PER_OCCUPIED * around.occupied)
     alone = (1.0 - around.ringed) * (1.0 - _CROWDED_WEIGHT * around.crowded)
     return float(long_enough * seen * whole * alone)

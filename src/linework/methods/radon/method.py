@@ -22,6 +22,7 @@ from linework.methods.protocol import (
     SurveyContext,
     context_of_tile,
     extract_tile,
+    scanner_of_tile,
     surface_of_tile,
     tile_of,
     whole_tile,
@@ -39,15 +40,17 @@ from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
 from linework.methods.rails.rails import fit_rails
-from linework.methods.rails.stretches import with_times
+from linework.methods.rails.stretches import drawn_often, with_times
 from linework.methods.seams import across_seams, of_core
 from linework.model.grid import Image
 from linework.model.ground import Ground
 from linework.model.lines import LineSet
 from linework.model.points import Points
+from linework.model.scanner import UNORDERED
 from linework.model.settings import Settings, group, setting
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
+from linework.scanlines.fields import laser_column
 from linework.surface.road import height_above_ground, height_above_road
 
 
@@ -126,6 +129,8 @@ class RailMethod:
         yield "local fits", [np.column_stack([rail.xy, rail.top_m]) + bins.origin for rail in rails]
         # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
         lines = rail_lines(rails, bins, surface, c.circles, c.profile, piece.core)
+        # One scan line draws a line on anything
+        lines = drawn_often(lines, points, scanner_of_tile(piece))
         # Ends that dip into the ground are extended down to it
         lines = carry_into_ground(lines, surface)
         # When the points on each line were measured
@@ -171,9 +176,11 @@ class CableMethod:
         above_ground = height_above_ground(surface, points.xyz)
         yield "height above the ground", above_ground
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
+        scanner, laser = scanner_of_tile(piece), laser_column(points)
         lines = find_cables(
-            points.xyz, points.time_s, above_ground, self.config.cable, piece.origin, self.find_peaks
-        )
+            points.xyz, None if scanner.kind == UNORDERED else points.time_s, above_ground, self.config.cable, piece.origin,
+            self.find_peaks, laser=points.columns[laser] if laser else None, scanner=scanner,
+        )  # fmt: skip
         lines = with_known_clearance(lines, surface)
         # When the points on each line were measured
         yield "cables", of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)

@@ -9,12 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.kernels.tracking.times import times_near
+from linework.kernels.tracking.times import points_near, times_near
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.verdict import NodeScores
 from linework.model.lines import LineSet
 from linework.model.points import Points
+from linework.model.scanner import UNORDERED, ScannerTiming
+from linework.scanlines.crossings import LEAST_CROSSINGS, crossings_in_time
+from linework.scanlines.fields import laser_column
 
 #: Tolerance of lengths: nodes are half a metre apart, and limits are whole multiples of that. [m]
 SPARE_M = 1e-6
@@ -152,3 +155,24 @@ def with_times(lines: LineSet, points: Points) -> LineSet:
         time_start_s=np.where(open_, start, lines.time_start_s),
         time_end_s=np.where(open_, end, lines.time_end_s),
     )
+
+
+def drawn_often(lines: LineSet, points: Points, scanner: ScannerTiming) -> LineSet:
+    """Return the lines that at least three scan lines drew; one alone, or two beside each other, draw a line on anything.
+
+    Parameters
+    ----------
+    points
+        The points that the lines were extracted from; where their times do not tell scan lines, all lines are returned.
+    """
+    if points.time_s is None or scanner.kind == UNORDERED or not len(lines):
+        return lines
+    line, point = points_near(points.xyz, lines.xyz, lines.line_of_vertex, TIME_REACH_M)
+    name = laser_column(points)
+    order = np.argsort(line, kind="stable")
+    own = np.split(point[order], np.searchsorted(line[order], np.arange(1, len(lines))))
+    drawn = [
+        crossings_in_time(points.time_s[i], points.columns[name][i] if name else None, scanner)[1]
+        for i in own
+    ]
+    return lines.take(np.array(drawn) >= LEAST_CROSSINGS)

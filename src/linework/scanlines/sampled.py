@@ -1,0 +1,125 @@
+"""What scanner a survey has, from some of its points: pieces of a few blocks, whatever the size of the survey.
+
+Separate from `linework.scanlines.timing`, which looks at every point it is given: here, lines follow from what is near a
+point and from a table of turns that needs no points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from linework.arrays import FloatArray, IntArray, offsets_of
+from linework.model.grid import Bounds, holds
+from linework.model.points import Points
+from linework.model.scanner import SPINNING, UNORDERED, ScannerTiming
+from linework.scanlines.fields import laser_column
+from linework.scanlines.timing import scanner_timing
+
+#: Side of the blocks that pieces are taken from [m], and how many: at a van's speed each is drawn in seconds, some
+#: hundred turns.
+BLOCK_M, _N_PIECES = 64.0, 4
+#: Points of a piece: the middle of a block that has more. A hundred turns of the fastest scanners. [points]
+_PIECE_POINTS = 500_000
+
+
+def pieces_to_sample(blocks: IntArray, counts: IntArray) -> list[Bounds]:
+    """Return the areas whose points show a survey's scanner.
+
+    Parameters
+    ----------
+    blocks, counts
+        (n, 2) int64 numbers of the blocks east and north, and (n,) points in each.
+
+    Examples
+    --------
+    >>> pieces_to_sample(np.array([[0, 0]]), np.array([2_000_000]))
+    [Bounds(west=16.0, south=16.0, east=48.0, north=48.0)]
+    """
+    order = np.lexsort((blocks[:, 0], blocks[:, 1]))
+    ends = np.cumsum(counts[order])
+    at = np.searchsorted(ends, (np.arange(_N_PIECES) + 0.5) / _N_PIECES * ends[-1])
+    found = []
+    for i in np.unique(order[at]).tolist():
+        share = math.sqrt(min(1.0, _PIECE_POINTS / max(int(counts[i]), 1)))
+        half = 0.5 * max(round(BLOCK_M * share), 1)
+        east, north = ((float(number) + 0.5) * BLOCK_M for number in blocks[i])
+        found.append(Bounds(east - half, north - half, east + half, north + half))
+    return found
+
+
+def sampled_timing(
+    blocks: IntArray, counts: IntArray, read: Callable[[Bounds], Points], times_s: tuple[float, float]
+) -> ScannerTiming:
+    """Return what is known of a survey's scanner, from pieces of the survey.
+
+    Parameters
+    ----------
+    blocks, counts
+        Blocks of 64 m, see `pieces_to_sample`.
+    read
+        Returns the points of an area.
+    times_s
+        First and last time of the survey's points. [s]
+
+    Notes
+    -----
+    Of profile scanners and strips, each point joins the line that was last drawn beside it. Turns of a spinning lidar are
+    counted from the survey's first time: where a turn begins is a convention.
+    """
+    areas = pieces_to_sample(blocks, counts)
+    sample = [_without_devices(read(area)) for area in areas]
+    timing = scanner_timing(Points.concatenate(sample))
+    if timing.kind == UNORDERED:
+        spacings = [scanner_timing(piece).spacing_m for piece in sample if len(piece)]
+        return replace(timing, spacing_m=float(np.median(spacings)) if spacings else timing.spacing_m)
+    if timing.kind == SPINNING:
+        turn = _turn_s(timing)
+        cuts = _turns_between(times_s, turn)
+        return replace(timing, turn_s=np.array([turn]), cut_start=offsets_of([len(cuts)]), cut_s=cuts)
+    n = len(timing.source)
+    return replace(
+        timing, is_merged=np.ones(n, dtype=np.bool_), cut_start=offsets_of([0] * n), cut_s=np.zeros(0)
+    )
+
+
+def timing_of_points(points: Points) -> ScannerTiming:
+    """Return what is known of the scanner of points that are a survey by themselves, as for a survey of files.
+
+    >>> timing_of_points(Points(np.zeros((3, 3)))).kind
+    'none'
+    """
+    if not len(points):
+        return scanner_timing(points)
+    number = np.floor(points.xyz[:, :2] / BLOCK_M).astype(np.int64)
+    blocks, counts = np.unique(number, axis=0, return_counts=True)
+    time = points.time_s
+    times = (math.nan, math.nan) if time is None else (float(time.min()), float(time.max()))
+
+    def read(area: Bounds) -> Points:
+        return points.take(holds(area, points.xyz[:, :2]))
+
+    return sampled_timing(blocks, counts, read, times)
+
+
+def _without_devices(points: Points) -> Points:
+    """Return points with times and lasers alone: other fields tell heads apart that a part of a survey may lack."""
+    laser = laser_column(points)
+    kept = {laser: points.columns[laser]} if laser else {}
+    return Points(points.xyz, time_s=points.time_s, crs=points.crs, columns=kept)
+
+
+def _turn_s(timing: ScannerTiming) -> float:
+    """Return how long a turn of a spinning lidar takes; NaN where it was not observed."""
+    step = np.diff(timing.cuts(0))
+    step = step[step < 1.0]  # between two pieces the lidar turned unseen
+    return float(np.median(step)) if len(step) >= 2 else math.nan
+
+
+def _turns_between(times_s: tuple[float, float], turn_s: float) -> FloatArray:
+    if not math.isfinite(turn_s):
+        return np.array([times_s[0]])
+    return np.asarray(np.arange(times_s[0], times_s[1] + turn_s, turn_s), dtype=np.float64)
