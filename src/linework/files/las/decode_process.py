@@ -97,7 +97,13 @@ def _laser_of(task: DecodeTask) -> str:
     """Return which of the columns `carry` has the laser of a spinning scanner, "" for none, by the first points."""
     header = read_las_header(task.path)
     with contextlib.closing(
-        read_las_batches(task.path, header, carry=task.carry, batch_points=task.batch_points)
+        read_las_batches(
+            task.path,
+            header,
+            carry=task.carry,
+            batch_points=task.batch_points,
+            is_sequential=task.is_sequential,
+        )
     ) as batches:
         first = next(batches)
         further = dict(zip(task.carry, first.columns.copy(), strict=True))

@@ -113,7 +113,7 @@ class Decoder:
             path=path, target=path, carry=tuple(columns), batch_points=_FIRST_POINTS, finds_laser=True
         )
         try:
-            laser = process.answer(task, lambda _: None).get("laser", "")
+            laser = process.answer(task, lambda _: None)[0].get("laser", "")
         except (DecoderDiedError, InputError):
             self.close()
             return ""
@@ -173,14 +173,14 @@ class DecoderProcess:
 
     def decode(self, task: DecodeTask, progress: Callable[[int], None]) -> Decoded:
         """Send a task and wait for its result; raises what `answer` raises."""
-        document = self.answer(task, progress)
+        document, n_read = self.answer(task, progress)
         try:
             return Decoded.from_document(document)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise self._death(NONSENSE, 0) from error
+            raise self._death(NONSENSE, n_read) from error
 
-    def answer(self, task: DecodeTask, progress: Callable[[int], None]) -> dict[str, Any]:
-        """Send a task and wait for what it is answered with.
+    def answer(self, task: DecodeTask, progress: Callable[[int], None]) -> tuple[dict[str, Any], int]:
+        """Send a task and wait for what it is answered with, and the number of points decoded for it.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class DecoderProcess:
             elif "done" in message:
                 done = message["done"]
                 if isinstance(done, dict):
-                    return done
+                    return done, n_read
                 raise self._death(NONSENSE, n_read)
             elif "refused" in message:
                 raise error_from_message(message["refused"])
