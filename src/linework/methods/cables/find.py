@@ -56,6 +56,8 @@ SHORT_WIRE_M = 8.0
 #: Largest deviation of the metres of a wire from its catenary beyond their scatter, in gates: poses of two passes differ
 #: by 5 mm, and hits wander over the width of the wire; a curve laid across a bundle deviates more.
 WAVY_GATES = 0.2
+#: And in the scatter of its points: strips of an airborne survey differ by about half of it.
+WAVY_SIGMAS = 0.5
 #: Without times, points of a single sweep lie in a plane within this [m]: the line may be the edge or the face of anything,
 #: must sag, and nothing may be near it except what it hangs on.
 ONE_SWEEP_M = 0.002
@@ -228,13 +230,14 @@ def _spans(
 def _is_thin(band: CableBand, wire: FittedWire, low_m: float) -> bool:
     """Return whether a piece has the points, height, occupancy and surroundings of a wire."""
     around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
+    scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
     return (
         around.n_points >= LEAST_WIRE_POINTS
         and float(np.quantile(band.height_m[wire.members], _HEIGHT_QUANTILE)) >= low_m
         and around.occupied >= LEAST_OCCUPIED
         and around.ringed <= MOST_RINGED
         and around.even >= LEAST_EVEN
-        and around.wavy_m <= WAVY_GATES * wire.widths.gate_m
+        and around.wavy_m <= max(WAVY_GATES * wire.widths.gate_m, WAVY_SIGMAS * scatter)
         and _is_round(wire)
     )
 
