@@ -195,3 +195,18 @@ def test_convert_and_evaluate_leave_rejected_lines_out(linework, out):
     whole_file.mkdir()
     shutil.copy(path, whole_file / path.name)
     whole(whole_file / path.name)
+
+
+def test_what_another_program_added_is_not_lost(again, out):
+    path = out / "lines.gpkg"
+    worked_on(path)
+    with closing(connect_database(path)) as db, db:
+        db.execute("CREATE TABLE notes (fid INTEGER PRIMARY KEY, text TEXT)")
+        db.execute("ALTER TABLE guardrail ADD COLUMN owner TEXT")
+    before = path.read_bytes()
+    outcome = again("--overwrite")
+    assert outcome.code == 6
+    assert "another program added guardrail.owner, notes, which would be lost" in outcome.stderr
+    assert path.read_bytes() == before
+    assert again("--overwrite", "--forget-reviews").code == 0
+    assert again("--overwrite").code == 0

@@ -20,7 +20,7 @@ from linework.processes.identity import identity_of
 from linework.runs.extraction import Extraction, Failure
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
-from linework.runs.outputs import publish_extraction, with_kept_reviews
+from linework.runs.outputs import publish_extraction, refuse_to_lose, with_kept_reviews
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
 from linework.runs.record import record_path
 from linework.runs.resume import describe_run, fingerprint_of, is_result_of_run, run_folder
@@ -83,6 +83,8 @@ def extract_to(
                 "output exists already, and the run to resume has not made it", where=order.output,
                 advice=f"choose another name or give {argument('overwrite', True)}",
             )  # fmt: skip
+    if not order.forget_reviews:
+        refuse_to_lose(order.output)
     with run_folder(work, order.output, described, resume=order.resume) as run:
         found = find_lines(
             recordings, order.methods, run, settings=order.settings, ground=order.ground,

@@ -13,8 +13,8 @@ from typing import Any
 
 from linework.crs import describe_crs
 from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_reviews
-from linework.errors import LineworkError, argument
-from linework.files.line_file.carried_history import has_reviews, with_history
+from linework.errors import LineworkError, OutputExistsError, argument
+from linework.files.line_file.carried_history import added_by_others, has_reviews, with_history
 from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, json_bytes
 from linework.files.store.facts import StoreFacts
@@ -191,6 +191,23 @@ class KeptReviews:
     lines: LineSet
     counts: Mapping[str, int]
     finish: Callable[[bytes], bytes]
+
+
+def refuse_to_lose(output: Path) -> None:
+    """Refuse to replace a file of lines to which another program has added something.
+
+    Raises
+    ------
+    OutputExistsError
+        The message names what would be lost.
+    """
+    added = added_by_others(output) if output.suffix.lower() == ".gpkg" and output.is_file() else []
+    if added:
+        raise OutputExistsError(
+            f"another program added {', '.join(added[:5])}{' and more' * (len(added) > 5)}, which would be lost",
+            where=output,
+            advice=f"copy that to another file, choose another name, or give {argument('forget_reviews', True)} to discard it",
+        )
 
 
 def with_kept_reviews(found: Extraction, output: Path) -> tuple[Extraction, KeptReviews | None]:

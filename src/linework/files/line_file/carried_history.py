@@ -19,6 +19,7 @@ from linework.files.line_file.history import (
     utc_now,
 )
 from linework.files.line_file.tables import (
+    ALL_FIELDS,
     LineRow,
     add_line_file_tables,
     columns_of,
@@ -28,11 +29,40 @@ from linework.files.line_file.tables import (
     sql_errors,
     transaction,
 )
-from linework.files.vectors.fields import REVIEWED, layer_names
+from linework.files.vectors.fields import REJECTED_LAYER, REVIEWED, TABLES, layer_names
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.gpkg import VERTEX_TABLE, roll_back
 from linework.files.vectors.gpkg_guard import ForeignSchemaError, check_geopackage
 from linework.model.lines import LineSet
+
+
+def added_by_others(path: Path) -> list[str]:
+    """Return the layers, tables and columns that another program added to a file of lines, by name.
+
+    Nothing for anything but a GeoPackage of lines.
+    """
+    try:
+        checked_vector_file(path)
+        roll_back(path)
+        check_geopackage(path)
+        with contextlib.closing(connect_database(path)) as db:
+            if not columns_of(db, VERTEX_TABLE):
+                return []
+            own = {*TABLES, REJECTED_LAYER, "edit_key", "photolog", "event", *line_layers(db)}
+            tables = [
+                str(name) for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+            ]
+            found = [
+                name
+                for name in tables
+                if name not in own and not name.startswith(("gpkg_", "rtree_", "sqlite_"))
+            ]
+            for layer in line_layers(db):
+                known = {"fid", "geom", *ALL_FIELDS}
+                found += [f"{layer}.{name}" for name in columns_of(db, layer) if name not in known]
+            return sorted(found)
+    except (sqlite3.DatabaseError, LineworkError):
+        return []
 
 
 def has_reviews(path: Path) -> bool:
