@@ -62,6 +62,19 @@ def test_hidden_files_are_not_the_surveys(folder):
     assert [p.name for p in open_survey([folder]).point_files] == ["a.laz", "b.laz", "c.LAS"]
 
 
+def test_laser_files_in_folders_below_are_named(folder):
+    assert open_survey([folder]).warnings == ()
+    write_las(points(7), folder / "pass 2" / "d.laz", crs=UTM)
+    (folder / "empty").mkdir()
+    survey = open_survey([folder])
+    assert len(survey.point_files) == 3
+    (warning,) = survey.warnings
+    assert (
+        warning
+        == f"{folder}: 1 laser files in folders below it are not read (pass 2); name those folders too"
+    )
+
+
 def test_what_is_no_file_does_not_stop_the_others(folder):
     (folder / "folder.laz").mkdir()
     (folder / "gone.laz").symlink_to(folder / "nowhere.laz")

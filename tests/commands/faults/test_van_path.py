@@ -197,3 +197,14 @@ def test_points_and_trajectory_in_memory(tmp_path):
     with pytest.warns(LineworkWarning, match="trajectory: the van is 45.2 m above the points"):
         lines = lw.extract(points, trajectory=path, kinds="guardrail", work=tmp_path / "w")
     assert any("45.2 m above" in text for text in lines.report.warnings)
+
+
+def test_the_antennas_log_is_not_taken_for_the_path(linework, tmp_path):
+    simulated = ("--road", "straight", "--length-m", "40", "--points-per-m", "300", "--no-images", "--quiet")
+    assert linework("simulate", "-o", tmp_path / "s", *simulated).code == 0
+    outcome = linework(
+        "extract", tmp_path / "s", "-o", tmp_path / "a.gpkg", "--trajectory", tmp_path / "s" / "gnss.csv"
+    )
+    assert outcome.code == 2
+    assert "--trajectory: gnss.csv is the log of the antenna, not the path of the vehicle" in outcome.stderr
+    assert not (tmp_path / "a.gpkg").exists()

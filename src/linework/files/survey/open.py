@@ -73,6 +73,7 @@ def open_survey(
     given_text = None if crs is None else crs_text(crs)
     found = _survey_file_of(inputs)
     kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
+    warnings = kitti.warnings if kitti else ()
     if found is not None:
         from linework.files.survey.toml import read_survey_file
 
@@ -88,6 +89,7 @@ def open_survey(
         settings = {}
         root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
         files = _each_once([file for path in inputs for file in _files_of(path)])
+        warnings = tuple(text for path in inputs if path.is_dir() for text in _left_below(path))
     given, given_by = _given_crs(given_text, settings.get("crs"), found)
     if given is not None:
         settings = {**settings, "crs": given}
@@ -104,7 +106,7 @@ def open_survey(
         trajectory_boresight_deg=(roll, pitch, heading),
         settings=settings,
         settings_file=kitti.calibration if kitti else found,
-        warnings=kitti.warnings if kitti else (),
+        warnings=warnings,
         carry=names,
         allow_outside=allow_outside or kitti is not None,
     )
@@ -212,6 +214,26 @@ def _files_of(path: Path) -> list[Path]:
         raise InputError(f"suffix '{path.suffix}', expected .las, .laz or survey.toml", where=path,
                          advice="convert it to .laz")  # fmt: skip
     return [path]
+
+
+def _left_below(folder: Path) -> list[str]:
+    """Return a warning if folders in a folder hold laser files, which are not read."""
+    below = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".") and not p.is_symlink()]
+    n = {p.name: sum(file.suffix.lower() in _SUFFIXES for file in _listed(p)) for p in sorted(below)}
+    named = ", ".join(name for name, count in n.items() if count)
+    if not named:
+        return []
+    return [
+        f"{folder}: {sum(n.values())} laser files in folders below it are not read ({named}); name those folders too"
+    ]
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Return what is in a folder; nothing where it cannot be read."""
+    try:
+        return list(folder.iterdir())
+    except OSError:
+        return []
 
 
 def _matching(root: Path, patterns: Sequence[str], where: Path) -> list[Path]:

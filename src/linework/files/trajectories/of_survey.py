@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.errors import UsageError, argument
 from linework.files.geodetic import EarthFrame
 from linework.files.logs.clock import fitted_times, to_survey_time
 from linework.files.trajectories.content import TrajectoryContent
@@ -25,9 +26,18 @@ def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
     ------
     InputError, CrsError, ConfigError
         As for `read_trajectory_content`.
+    UsageError
+        It is the survey's own log of fixes, which are the antenna's.
     """
     if survey.trajectory_file is None:
         return None
+    log = survey.settings.get("navigation", {}).get("gnss")
+    if log and (survey.root / log).resolve() == survey.trajectory_file.resolve():
+        raise UsageError(
+            f"{survey.trajectory_file.name} is the log of the antenna, not the path of the vehicle",
+            where=argument("trajectory"),
+            advice="leave it out: the path is computed from the survey's logs",
+        )
     table, time = (survey.settings.get(name, {}) for name in ("trajectory", "time"))
     settings = TrajectorySettings(
         frame=EarthFrame.of(survey),
