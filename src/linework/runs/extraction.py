@@ -17,6 +17,7 @@ from linework.lines.names import cell_id, cells_of_lines
 from linework.model.lines import KINDS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.tiles import Tile
+from linework.surface.aside import RoadAside
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,8 @@ class Extraction:
         Stereo pairs used and left out; None where none were looked at.
     logged
         Images and operator's keys by place, or None.
+    aside
+        How much is road, and how much smooth ground beside it is not; None where neither was of interest.
     """
 
     source: str
@@ -95,6 +98,7 @@ class Extraction:
     warnings: tuple[str, ...]
     pairs: PairAccount | None = None
     logged: VanLog | None = None
+    aside: RoadAside | None = None
 
 
 # Names and order of lines: from kind and place alone, so that another run gives the same

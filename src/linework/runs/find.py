@@ -76,6 +76,7 @@ def find_lines(
     if all(account.is_empty for account in accounts):
         _refuse(sources[0], accounts[0])
     lines, kinds = _merged(sources, found, steps)
+    aside = next((account.aside for account in accounts if account.aside), None)
     unusable = (Failure("recording", what, problem) for what, problem in recordings.problems)
     return Extraction(
         source=recordings.survey.name,
@@ -86,7 +87,8 @@ def find_lines(
         pairs=next((account.pairs for account in accounts if account.pairs), None),
         failures=(*(failure for account in accounts for failure in account.failures), *unusable),
         hashes=recordings.hashes,
-        warnings=recordings.warnings,
+        warnings=(*recordings.warnings, *filter(None, [aside.warning if aside else ""])),
+        aside=aside,
     )
 
 

@@ -24,6 +24,7 @@ from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, Failure, path_text
 from linework.runs.record import record_path, versions
 from linework.runs.steps import RunSteps
+from linework.surface.aside import RoadAside
 
 
 def publish_extraction(
@@ -112,6 +113,7 @@ def record_of(
             "stereo_pairs": pairs.n_pairs if pairs else 0,
             "stereo_pairs_used": pairs.n_used if pairs else 0,
             **_logged_counts(extraction.logged),
+            **_road_counts(extraction.aside),
             "lines": n_lines,
             "length_m": {
                 kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
@@ -153,6 +155,18 @@ def _logged_counts(logged: VanLog | None) -> dict[str, int]:
     """Return the number of images and of keys that have a position."""
     photos, events = (logged.photos, logged.events) if logged else (None, None)
     return {"photolog": len(photos) if photos else 0, "events": len(events) if events else 0}
+
+
+def _road_counts(aside: RoadAside | None) -> dict[str, float]:
+    """Return how much is road, and how much smooth ground within 15 m of it was not taken for road."""
+    if aside is None:
+        return {}
+    return {
+        "road_m2": round(aside.road_m2, 1),
+        "not_road_m2": round(aside.aside_m2, 1),
+        "not_road_m": round(aside.aside_m, 1),
+        "not_road_share": round(aside.aside_points / max(aside.near_points, 1), 4),
+    }
 
 
 def _point_counts(read: StoreFacts | None) -> dict[str, Any]:

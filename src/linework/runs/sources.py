@@ -35,6 +35,7 @@ from linework.runs.steps import RunSteps
 from linework.runs.tasks import RunTask, TasksDone
 from linework.runs.tiles import Tile, plan_tiles
 from linework.scanlines.sampled import sampled_timing
+from linework.surface.aside import RoadAside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +52,8 @@ class SourceAccount:
         Of laser points: the account of their files, and of the tiles.
     pairs
         Of stereo pairs: how many there are, and how many were used.
+    aside
+        Of laser points: how much is road, and how much smooth ground beside it is not.
     """
 
     failures: tuple[Failure, ...]
@@ -58,6 +61,7 @@ class SourceAccount:
     read: StoreFacts | None = None
     tiles: tuple[TileReport, ...] = ()
     pairs: PairAccount | None = None
+    aside: RoadAside | None = None
 
 
 class Source(Protocol):
@@ -233,6 +237,9 @@ class LaserSource:
             is_empty=not done.receipts,
             read=self.opened.facts,
             tiles=tuple(tiles),
+            aside=self.surface.aside
+            if any("road_boundary" in m.kinds or "lane_marking" in m.kinds for m in self.methods)
+            else None,
         )
 
     def refusal(self, account: SourceAccount) -> LineworkError:

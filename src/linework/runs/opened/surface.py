@@ -38,6 +38,7 @@ from linework.runs.opened.own_ground import OwnGroundTask, find_own_ground
 from linework.runs.opened.surface_cost import check_surface_cost, surface_cost, tiles_with_points
 from linework.runs.own import GroundFinder, error_of_fault
 from linework.runs.steps import Advance
+from linework.surface.aside import RoadAside
 from linework.surface.carry import CoarseGround, halo_cells
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow, path_samples
 from linework.surface.choose import Choice, RegionLink
@@ -46,7 +47,7 @@ from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 
 #: Version of the arrays on disk: surfaces of another version are made again.
-_VERSION = 3
+_VERSION = 4
 #: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
 SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
@@ -90,6 +91,8 @@ class SurveySurface:
         Tiles that have arrays.
     failed
         Tiles without a surface because a pass failed, and why, in one line.
+    aside
+        How much is road, and how much smooth ground beside it is not.
     """
 
     tiles: SurfaceTiles
@@ -97,6 +100,7 @@ class SurveySurface:
     z0_m: float
     known: frozenset[TileNumber]
     failed: Mapping[TileNumber, str]
+    aside: RoadAside
 
     @classmethod
     def open(cls, folder: Path) -> SurveySurface:
@@ -121,6 +125,7 @@ class SurveySurface:
             record["z0_m"],
             frozenset((e, n) for e, n in record["tiles"]),
             {(e, n): problem for e, n, problem in record["failed"]},
+            RoadAside(*record["aside"]),
         )
 
     @property
@@ -257,6 +262,7 @@ def make_surface(
             "origin": list(layout.origin),
             "tiles": sorted(known),
             "failed": [[*tile, problem] for tile, problem in sorted(making.failed.items())],
+            "aside": list(making.aside),
         },
     )
     return SurveySurface.open(folder)
@@ -278,6 +284,7 @@ class _Making:
         self._blocks, counts = store.block_counts
         self.z0_m = _height_origin(store, trajectory, self._blocks, counts)
         self.failed: dict[TileNumber, str] = {}
+        self.aside = RoadAside()
         occupied = tiles_with_points(self._blocks, counts, tiles, config, 0)
         reached = tiles_with_points(self._blocks, counts, tiles, config, halo_cells(config))
         cost = surface_cost(occupied.values(), reached.values(), tiles.n_cells)
@@ -309,7 +316,8 @@ class _Making:
         )
         self._advance(self._n_steps, self._n_steps)
         self._tiles.keep_only(passes.SURFACE, passes.COARSE)
-        return [tile for tile, is_there in has.items() if is_there]
+        self.aside = RoadAside.added(has[tile][1] for tile in sorted(has))
+        return [tile for tile, (is_there, _) in has.items() if is_there]
 
     def own_surface(self, ground: Ground | GroundFinder, trajectory: Trajectory | None) -> list[TileNumber]:
         """Write the own ground of all tiles that hold points; return those tiles.

@@ -21,6 +21,7 @@ from linework.files.store.cell_tiles import SurfaceTiles, TileNumber
 from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.points import Points
+from linework.surface.aside import BESIDE_M, RoadAside, smooth_aside
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
@@ -38,8 +39,8 @@ PATH, ISLANDS = "path", "islands"
 NOT_KNOWN = 65535
 #: Arrays that stay: road, ground, kind and sigma of the cells; coarse ground.
 SURFACE, COARSE = "surface", "coarse"
-#: Index of road and of ground in arrays that hold both.
-_ROAD, _GROUND = 0, 1
+#: Index of road and of ground in arrays that hold both, and of the number of points in those of cells.
+_ROAD, _GROUND, _COUNT = 0, 1, 2
 #: Record of each cell along the edges of a tile, two cells deep.
 _EDGE = np.dtype([("height", "f4"), ("east", "f4"), ("north", "f4"), ("road", "i4"), ("ground", "i4")])
 _SIDES = {"west": np.s_[:, :2], "east": np.s_[:, -2:], "north": np.s_[:2, :], "south": np.s_[-2:, :]}
@@ -182,13 +183,13 @@ def coarse_heights(task: SurfaceTileTask) -> CoarseGround:
     return CoarseGround.of(window, height, _ground_cells(task.tiles, window), task.config.cell_m)
 
 
-def extend_tile_surface(task: SurfaceTileTask) -> bool:
-    """Write road and ground of a tile; return False if there is neither nearby."""
+def extend_tile_surface(task: SurfaceTileTask) -> tuple[bool, RoadAside]:
+    """Write road and ground of a tile; return whether there is either nearby, and what lies beside its roads."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     around = window.grown(halo_cells(config))
     is_ground = _ground_cells(tiles, around)
     if not is_ground.any():
-        return False
+        return False, RoadAside()
     is_road = _cells_of(tiles, _ROAD, around)
     height = tiles.over(CELLS, 0, around, np.float32(np.nan))
     coarse = CoarseGround(*tiles.read_common(COARSE))
@@ -197,7 +198,11 @@ def extend_tile_surface(task: SurfaceTileTask) -> bool:
     inner = around.part(window)
     kind = kind_of(is_road[inner], is_ground[inner])
     tiles.write(SURFACE, task.tile, road_m, ground_m, kind, packed_sigma(sigma_m))
-    return True
+    near = window.grown(min(math.ceil(BESIDE_M / config.cell_m) + 1, halo_cells(config)))
+    part = around.part(near)
+    is_smooth = tiles.over(LABEL_ARRAY, _ROAD, near, np.int32(0)) > 0
+    count = tiles.over(CELLS, _COUNT, near, np.int32(0))
+    return True, smooth_aside(is_road[part], is_smooth, count, near.part(window), config.cell_m)
 
 
 def packed_sigma(sigma_m: Float32Array) -> AnyArray:

@@ -1,0 +1,101 @@
+"""Smooth ground beside the roads that was not taken for road: what was not looked at for markings and boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, label
+
+from linework.arrays import AnyArray, BoolArray
+from linework.surface.regions import MIN_ROAD_M2
+
+#: Beside a road: a lane, a verge and a footway. [m]
+BESIDE_M = 15.0
+#: Half of the narrowest lane, 2.75 m (German guideline RAS-Q 96, section 2): what is narrower is a footway or a kerb. [m]
+_HALF_LANE_M = 1.375
+#: Share of the points beside a road from which it is said that they were not looked at.
+_SAID_SHARE = 0.1
+
+
+class RoadAside(NamedTuple):
+    """Totals of road, and of smooth ground within 15 m of it that is as wide as a lane and not road.
+
+    Parameters
+    ----------
+    road_m2, aside_m2
+        Areas of the measured cells. [m2]
+    near_points, aside_points
+        Points on all cells within 15 m of a road, the road itself among them, and on the ground that is not road.
+    aside_m
+        Length of that ground: its area over its mean width. [m]
+    """
+
+    road_m2: float = 0.0
+    aside_m2: float = 0.0
+    near_points: int = 0
+    aside_points: int = 0
+    aside_m: float = 0.0
+
+    @classmethod
+    def added(cls, parts: Iterable[RoadAside]) -> RoadAside:
+        """Return the totals of several windows, in their order.
+
+        >>> RoadAside.added([RoadAside(1.0, 2.0, 3, 4, 5.0), RoadAside(1.0, 0.0, 1, 0, 0.5)])
+        RoadAside(road_m2=2.0, aside_m2=2.0, near_points=4, aside_points=4, aside_m=5.5)
+        """
+        listed = [cls(), *parts]
+        road_m2, aside_m2, near_points, aside_points, aside_m = (
+            sum(column) for column in zip(*listed, strict=True)
+        )
+        return cls(float(road_m2), float(aside_m2), int(near_points), int(aside_points), float(aside_m))
+
+    @property
+    def warning(self) -> str:
+        """One line if more than 10 % of the points beside the roads were not looked at; else empty."""
+        share = self.aside_points / max(self.near_points, 1)
+        if share <= _SAID_SHARE:
+            return ""
+        return (
+            f"{100.0 * share:.0f} % of the points within {BESIDE_M:.0f} m of a road lie on smooth ground that was not taken"
+            f" for road ({self.aside_m2:,.0f} m2, {self.aside_m:,.0f} m): no markings and boundaries are looked for there"
+        )
+
+
+def smooth_aside(
+    is_road: BoolArray, is_smooth: BoolArray, count: AnyArray, inner: tuple[slice, slice], cell_m: float
+) -> RoadAside:
+    """Return what is road and what is not in the inner part of a window.
+
+    Parameters
+    ----------
+    is_road, is_smooth, count
+        (rows, cols) of the window with at least 15 m around its inner part: road, smooth cells, points in each cell.
+    inner
+        The part that is counted.
+    cell_m
+        Side of a cell. [m]
+    """
+    if not is_road.any():
+        return RoadAside()
+    beside = distance_transform_edt(~is_road) * cell_m <= BESIDE_M
+    other = is_smooth & ~is_road
+    # From the middle of a cell to that of the nearest one outside
+    depth = (distance_transform_edt(np.pad(other, 1))[1:-1, 1:-1] - 0.5) * cell_m
+    number, n = label(other)
+    cells = np.bincount(number.ravel(), minlength=n + 1)
+    deepest = np.zeros(n + 1)
+    np.maximum.at(deepest, number.ravel(), depth.ravel())
+    is_wide = (deepest >= _HALF_LANE_M) & (cells * cell_m**2 >= MIN_ROAD_M2)
+    is_wide[0] = False
+    own, points = (is_wide[number] & beside)[inner], count[inner]
+    area, mean_depth = float(own.sum()) * cell_m**2, float(depth[inner][own].mean()) if own.any() else 1.0
+    return RoadAside(
+        road_m2=float((is_road[inner] & (points > 0)).sum()) * cell_m**2,
+        aside_m2=area,
+        near_points=int(points[beside[inner]].sum()),
+        aside_points=int(points[own].sum()),
+        # Of a strip, the mean depth is a quarter of the width
+        aside_m=area / (4.0 * mean_depth),
+    )
