@@ -21,7 +21,7 @@ from linework.scanlines.timing import scanner_timing
 
 #: Side of the blocks that pieces are taken from [m], and how many: at a van's speed each is drawn in seconds, some
 #: hundred turns.
-BLOCK_M, _N_PIECES = 64.0, 4
+SAMPLED_BLOCK_M, _N_PIECES = 64.0, 4
 #: Points of a piece: the middle of a block that has more. A hundred turns of the fastest scanners. [points]
 _PIECE_POINTS = 500_000
 
@@ -45,8 +45,8 @@ def pieces_to_sample(blocks: IntArray, counts: IntArray) -> list[Bounds]:
     found = []
     for i in np.unique(order[at]).tolist():
         share = math.sqrt(min(1.0, _PIECE_POINTS / max(int(counts[i]), 1)))
-        half = 0.5 * max(round(BLOCK_M * share), 1)
-        east, north = ((float(number) + 0.5) * BLOCK_M for number in blocks[i])
+        half = 0.5 * max(round(SAMPLED_BLOCK_M * share), 1)
+        east, north = ((float(number) + 0.5) * SAMPLED_BLOCK_M for number in blocks[i])
         found.append(Bounds(east - half, north - half, east + half, north + half))
     return found
 
@@ -94,7 +94,7 @@ def timing_of_points(points: Points) -> ScannerTiming:
     """
     if not len(points):
         return scanner_timing(points)
-    number = np.floor(points.xyz[:, :2] / BLOCK_M).astype(np.int64)
+    number = np.floor(points.xyz[:, :2] / SAMPLED_BLOCK_M).astype(np.int64)
     blocks, counts = np.unique(number, axis=0, return_counts=True)
     time = points.time_s
     times = (math.nan, math.nan) if time is None else (float(time.min()), float(time.max()))
