@@ -9,7 +9,7 @@ from linework.files.store.read import PointStore
 from linework.methods.rails.stretches import drawn_often
 from linework.model.lines import LineSet
 from linework.model.points import Points
-from linework.model.scanner import AIRBORNE, PROFILE, SPINNING, UNORDERED
+from linework.model.tile import AIRBORNE, PROFILE, SPINNING, UNORDERED
 from linework.scanlines.crossings import crossings_in_time
 from linework.scanlines.fields import laser_column
 from linework.scanlines.recover import recover_scan_lines

@@ -21,8 +21,7 @@ from linework.model.ground import Ground
 from linework.model.images import Poses
 from linework.model.lines import LineSet
 from linework.model.points import Points
-from linework.model.scanner import ScannerTiming
-from linework.model.tile import TileData, local_origin
+from linework.model.tile import ScannerTiming, TileData, local_origin
 from linework.model.trajectory import Trajectory
 from linework.processes.identity import is_installed
 from linework.processes.own_code import call_own

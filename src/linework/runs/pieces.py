@@ -21,8 +21,7 @@ from linework.imaging.rectify import Rectifier, rectifier_of
 from linework.model.camera import StereoRig
 from linework.model.grid import Image
 from linework.model.images import ImagePair, StereoSeries
-from linework.model.scanner import ScannerTiming
-from linework.model.tile import TileData
+from linework.model.tile import ScannerTiming, TileData
 from linework.model.trajectory import Trajectory
 from linework.runs.extraction import Failure
 from linework.runs.opened.pairs import rectified_pair

@@ -8,7 +8,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.errors import UsageError
-from linework.model.scanner import AIRBORNE, SPINNING, ScannerTiming
+from linework.model.tile import AIRBORNE, SPINNING, ScannerTiming
 from linework.scanlines.scan_lines import ScanLines
 
 #: A pause between scan lines at one place that makes them two passes: a mirror is back within a second, a van that turns

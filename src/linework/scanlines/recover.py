@@ -10,7 +10,7 @@ from linework.kernels.scanlines.along import place_along_lines, spacing_to_next
 from linework.kernels.scanlines.strings import next_strings, track_strings
 from linework.kernels.scanlines.turns import order_by_line, turn_of_points
 from linework.model.points import Points
-from linework.model.scanner import UNORDERED, ScannerTiming
+from linework.model.tile import UNORDERED, ScannerTiming
 from linework.scanlines.fields import fields_of
 from linework.scanlines.pattern import spacing_pattern
 from linework.scanlines.scan_lines import ScanLines

@@ -15,7 +15,7 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray, offsets_of
 from linework.model.grid import Bounds, holds
 from linework.model.points import Points
-from linework.model.scanner import SPINNING, UNORDERED, ScannerTiming
+from linework.model.tile import SPINNING, UNORDERED, ScannerTiming
 from linework.scanlines.fields import laser_column
 from linework.scanlines.timing import scanner_timing
 

@@ -25,7 +25,7 @@ from linework.kernels.scanlines.turns import (
     turn_of_points,
 )
 from linework.model.points import Points
-from linework.model.scanner import AIRBORNE, PROFILE, SPINNING, UNORDERED, ScannerTiming
+from linework.model.tile import AIRBORNE, PROFILE, SPINNING, UNORDERED, ScannerTiming
 from linework.scanlines.fields import ScanFields, fields_of
 from linework.scanlines.pattern import mean_spacing_m
 

@@ -29,9 +29,8 @@ from linework.methods.cables.seeds import find_cable_seeds
 from linework.methods.cables.spans import end_at_supports, join_pieces, without_mixtures, without_tails
 from linework.methods.radon.peaks import PeakFinder
 from linework.model.lines import LineSet
-from linework.model.scanner import ScannerTiming
 from linework.model.settings import Settings, setting
-from linework.model.tile import local_origin
+from linework.model.tile import ScannerTiming, local_origin
 from linework.scanlines.crossings import LEAST_CROSSINGS, crossings_in_time
 
 #: Fewest points of a wire: a catenary and a line have five unknowns, which leaves three degrees of freedom.

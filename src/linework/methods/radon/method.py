@@ -46,9 +46,8 @@ from linework.model.grid import Image
 from linework.model.ground import Ground
 from linework.model.lines import LineSet
 from linework.model.points import Points
-from linework.model.scanner import UNORDERED
 from linework.model.settings import Settings, group, setting
-from linework.model.tile import TileData
+from linework.model.tile import UNORDERED, TileData
 from linework.model.trajectory import Trajectory
 from linework.scanlines.fields import laser_column
 from linework.surface.road import height_above_ground, height_above_road

@@ -15,7 +15,7 @@ from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.verdict import NodeScores
 from linework.model.lines import LineSet
 from linework.model.points import Points
-from linework.model.scanner import UNORDERED, ScannerTiming
+from linework.model.tile import UNORDERED, ScannerTiming
 from linework.scanlines.crossings import LEAST_CROSSINGS, crossings_in_time
 from linework.scanlines.fields import laser_column
 
