@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import label
 
 from linework.arrays import AnyArray, BoolArray
+from linework.kernels.cells.nearest import nearest_known_squared
 from linework.surface.regions import MIN_ROAD_M2
 
 #: Beside a road: a lane, a verge and a footway. [m]
@@ -79,23 +81,29 @@ def smooth_aside(
     """
     if not is_road.any():
         return RoadAside()
-    beside = distance_transform_edt(~is_road) * cell_m <= BESIDE_M
+    reach = math.floor(BESIDE_M / cell_m)
+    beside = nearest_known_squared(is_road, reach, 0)[1] <= reach * reach
+    points = count[inner]
+    found = RoadAside(
+        road_m2=float((is_road[inner] & (points > 0)).sum()) * cell_m**2,
+        near_points=int(points[beside[inner]].sum()),
+    )
     other = is_smooth & ~is_road
-    # From the middle of a cell to that of the nearest one outside
-    depth = (distance_transform_edt(np.pad(other, 1))[1:-1, 1:-1] - 0.5) * cell_m
+    if not (other & beside)[inner].any():
+        return found
+    # From the middle of a cell to that of the nearest one outside; fields are as deep as a road reaches
+    square = nearest_known_squared(np.pad(~other, 1, constant_values=True), reach, 1)[1]
+    depth = (np.sqrt(square) - 0.5) * cell_m
     number, n = label(other)
     cells = np.bincount(number.ravel(), minlength=n + 1)
     deepest = np.zeros(n + 1)
     np.maximum.at(deepest, number.ravel(), depth.ravel())
     is_wide = (deepest >= _HALF_LANE_M) & (cells * cell_m**2 >= MIN_ROAD_M2)
     is_wide[0] = False
-    own, points = (is_wide[number] & beside)[inner], count[inner]
-    area, mean_depth = float(own.sum()) * cell_m**2, float(depth[inner][own].mean()) if own.any() else 1.0
-    return RoadAside(
-        road_m2=float((is_road[inner] & (points > 0)).sum()) * cell_m**2,
-        aside_m2=area,
-        near_points=int(points[beside[inner]].sum()),
-        aside_points=int(points[own].sum()),
-        # Of a strip, the mean depth is a quarter of the width
-        aside_m=area / (4.0 * mean_depth),
-    )
+    own = (is_wide[number] & beside)[inner]
+    if not own.any():
+        return found
+    area = float(own.sum()) * cell_m**2
+    # Of a strip, the mean depth is a quarter of the width
+    length = area / (4.0 * float(depth[inner][own].mean()))
+    return found._replace(aside_m2=area, aside_points=int(points[own].sum()), aside_m=length)
