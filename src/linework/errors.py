@@ -315,6 +315,7 @@ EXTRAS = {
     "simulate": ("simulated surveys", ("embreex", "PIL")),
     "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL")),
     "cad": ("DXF files", ("ezdxf",)),
+    "parquet": ("GeoParquet files", ("pyarrow",)),
     "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),
 }
 #: Packages whose name is another than that of their module.

@@ -21,28 +21,40 @@ def convert(
     ],
     overwrite: Overwrite = False,
     crs: Crs = None,
+    heights: Annotated[
+        str,
+        typer.Option("--heights", help="Heights in a Lanelet2 map (.osm): crs (as they are) or ellipsoid."),
+    ] = "crs",
 ) -> None:
     """Convert LINES to another vector format.
 
-    The points of the vehicle's log (images and operator keys) are copied where the format holds points.
+    The points of the vehicle's log (images and operator keys) are copied where the format holds points. What the format
+    cannot hold is reported.
     """
     from linework.cli.failures import warn
-    from linework.errors import PartialError
+    from linework.errors import PartialError, UsageError, argument
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
         check_format,
+        not_expressed,
         points_left_out,
         read_usable_lines,
         write_lines,
     )
 
     check_format(output)
+    if heights not in ("crs", "ellipsoid"):
+        raise UsageError(
+            f"unknown heights '{heights}'", where=argument("heights"), advice="use crs or ellipsoid"
+        )
     with reserve_output(output, overwrite=overwrite, inputs=[lines]):
         found, left_out = read_usable_lines(lines, crs=crs)
         points = read_point_layers(lines)
-        write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
-    for warning in points_left_out(output, points):
+        write_lines(
+            found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights
+        )
+    for warning in (*points_left_out(output, points), *not_expressed(found, output)):
         warn(warning)
     say(f"{len(found):,} lines in {output}")
     if left_out:
