@@ -313,7 +313,7 @@ EXTRAS = {
         ("fastapi", "pydantic", "starlette", "uvicorn", "h11", "websockets", "PIL"),
     ),
     "simulate": ("simulated surveys", ("embreex", "PIL")),
-    "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL")),
+    "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL", "xlsxwriter")),
     "cad": ("DXF files", ("ezdxf",)),
     "parquet": ("GeoParquet files", ("pyarrow",)),
     "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),

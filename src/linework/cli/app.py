@@ -30,6 +30,7 @@ from linework.cli.commands.info import info
 from linework.cli.commands.locate import locate_command
 from linework.cli.commands.photolog import photolog
 from linework.cli.commands.raster import raster
+from linework.cli.commands.report import report_command
 from linework.cli.commands.serve import serve
 from linework.cli.commands.simulate import simulate_command
 from linework.cli.commands.trace import trace_command
@@ -54,6 +55,7 @@ for command in (
     trace_command,
     serve,
     evaluate_command,
+    report_command,
     raster,
     photolog,
     convert,
