@@ -22,15 +22,16 @@ import linework
 from linework.cli.commands.clean import clean
 from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
-from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
-from linework.cli.commands.evaluate import evaluate_command
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
 from linework.cli.commands.locate import locate_command
+from linework.cli.commands.of_lines.convert import convert
+from linework.cli.commands.of_lines.evaluate import evaluate_command
+from linework.cli.commands.of_lines.publish import publish_command
+from linework.cli.commands.of_lines.report import report_command
 from linework.cli.commands.photolog import photolog
 from linework.cli.commands.raster import raster
-from linework.cli.commands.report import report_command
 from linework.cli.commands.serve import serve
 from linework.cli.commands.simulate import simulate_command
 from linework.cli.commands.trace import trace_command
@@ -56,6 +57,7 @@ for command in (
     serve,
     evaluate_command,
     report_command,
+    publish_command,
     raster,
     photolog,
     convert,

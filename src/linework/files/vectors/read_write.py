@@ -42,6 +42,8 @@ _WRITERS = {
 _EXTRA_OF = {".dxf": "cad", ".parquet": "parquet"}
 #: Formats that hold layers of points beside the lines.
 _WITH_POINTS = (".gpkg", ".geojson", ".json")
+#: How the address of a database begins; paths drop one of the slashes.
+_DATABASES = ("postgresql:/", "postgres:/")
 #: Formats that hold the columns of vertices.
 _WITH_VERTEX_COLUMNS = (*_WITH_POINTS, ".parquet")
 
@@ -221,13 +223,18 @@ def read_usable_lines(
     path: str | Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: Any = None
 ) -> tuple[LineSet, str]:
     """Read lines as `read_lines` does, and return one line about the features left out, "" for none."""
+    given = None if crs is None else parse_crs(crs, where=argument("crs"))
+    if str(path).startswith(_DATABASES):
+        check_extra("postgis", where=argument("lines"))
+        from linework.files.postgis.read import read_database
+
+        return _in_crs(read_database(path, kind_field, kinds), given, Path(path)), ""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise UsageError(
             f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
         )
-    given = None if crs is None else parse_crs(crs, where=argument("crs"))
     left_out: list[str] = []
     found = _READERS[suffix](path, kind_field, kinds, given, left_out)
     return _in_crs(found, given, path), left_out_text(left_out, len(found), path)
