@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -80,6 +80,15 @@ def xml_quoted(value: object) -> str:
     'a "b" &lt;c&gt;' "d&amp;e"
     """
     return quoteattr(_NOT_IN_XML.sub("\ufffd", str(value)))
+
+
+def xml_escaped(value: object) -> str:
+    """Return a value as the text of an element.
+
+    >>> xml_escaped("a < b")
+    'a &lt; b'
+    """
+    return escape(_NOT_IN_XML.sub("\ufffd", str(value)))
 
 
 def field_texts(lines: LineSet) -> list[dict[str, str]]:

@@ -29,7 +29,7 @@ def convert(
     """Convert LINES to another vector format.
 
     The points of the vehicle's log (images and operator keys) are copied where the format holds points. What the format
-    cannot hold is reported.
+    cannot hold is reported. A .qgz is a QGIS project with the layers of a .gpkg, which it refers to.
     """
     from linework.cli.failures import warn
     from linework.errors import PartialError, UsageError, argument
@@ -43,6 +43,13 @@ def convert(
         write_lines,
     )
 
+    if output.suffix.lower() == ".qgz":
+        from linework.files.maps.qgis_project import write_qgis_project
+
+        with reserve_output(output, overwrite=overwrite, inputs=[lines]):
+            n_layers = write_qgis_project(lines, output, overwrite=overwrite)
+        say(f"{n_layers} layers of {lines} in {output}")
+        return
     check_format(output)
     if heights not in ("crs", "ellipsoid"):
         raise UsageError(
