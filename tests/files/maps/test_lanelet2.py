@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from tests.files.maps.checkers import checker
 from tests.scenes.map_scenes import UTM, road_lines
 
 from linework.crs import parse_crs
@@ -196,3 +197,18 @@ def test_heights_are_for_lanelet2(linework, tmp_path):
     assert linework("convert", tmp_path / "a.gpkg", tmp_path / "a.osm", "--heights", "sea").code == 2
     found = linework("convert", tmp_path / "a.gpkg", tmp_path / "a.osm")
     assert found.code == 0 and "left out 1 lines of kerb_top, 1 lines of cable" in found.stderr
+
+
+def test_a_second_reader_finds_the_same_positions(tmp_path):
+    """The reimplementation in Rust has the name of the original, so it lives in an environment of its own."""
+    import json
+
+    lines, path = road_lines(), tmp_path / "map.osm"
+    write_lines(lines, path)
+    done = subprocess.run([checker("python"), "-c", _READ, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["problems"] == []
+    for _, places, tags in found["lines"]:
+        xyz = from_degrees(np.array(places), lines.crs)
+        np.testing.assert_allclose(xyz, lines[lines.id.tolist().index(tags["linework:id"])].xyz, atol=1e-3)

@@ -93,7 +93,7 @@ def _project(title: str, beside: str, layers: list[tuple[str, str]], crs: str, e
         f"<projectCrs>{srs}</projectCrs><layer-tree-group>{''.join(tree)}</layer-tree-group>"
         f'<mapcanvas name="theMapCanvas"><units>meters</units>{box}<destinationsrs>{srs}</destinationsrs></mapcanvas>'
         f"<projectlayers>{''.join(found)}</projectlayers><layerorder>{''.join(order)}</layerorder>"
-        '<properties><Paths><Absolute type="bool">false</Absolute></Paths></properties></qgis>\n'
+        '<properties><SpatialRefSys><ProjectionsEnabled type="int">1</ProjectionsEnabled></SpatialRefSys><Paths><Absolute type="bool">false</Absolute></Paths></properties></qgis>\n'
     )
 
 

@@ -37,6 +37,7 @@ _WRITERS = {
     ".landxml": ("maps.landxml", "landxml"),
     ".xml": ("maps.landxml", "landxml"),
     ".osm": ("maps.lanelet2", "lanelet2"),
+    ".xodr": ("maps.opendrive", "opendrive"),
 }
 #: Formats that need a package of an extra.
 _EXTRA_OF = {".dxf": "cad", ".parquet": "parquet"}
@@ -81,7 +82,7 @@ def write_lines(
     Parameters
     ----------
     path
-        Ends in .gpkg, .geojson, .parquet, .dxf, .fgb, .kml, .landxml (or .xml) or .osm (Lanelet2). GeoPackage, GeoJSON
+        Ends in .gpkg, .geojson, .parquet, .dxf, .fgb, .kml, .landxml (or .xml), .osm (Lanelet2) or .xodr (OpenDRIVE). GeoPackage, GeoJSON
         and GeoParquet hold all columns; `not_expressed` says what the others leave out.
     kinds
         Kinds that get a layer even without lines (formats with layers).
@@ -170,6 +171,10 @@ def not_expressed(lines: LineSet, path: Path) -> tuple[str, ...]:
         from linework.files.maps.lanelet2 import lanelet2_losses
 
         found += lanelet2_losses(lines)
+    if suffix == ".xodr":
+        from linework.files.maps.opendrive import opendrive_losses
+
+        found += opendrive_losses(lines)
     if suffix not in _WITH_VERTEX_COLUMNS and len(lines):
         if np.isfinite(lines.sigma_xy_m).any() or np.isfinite(lines.sigma_z_m).any():
             found.append("the standard deviations of the vertices")
@@ -328,6 +333,14 @@ def _read_lanelet2(
     return read_lanelet2(path, kind_field, kinds, crs, left_out)
 
 
+def _read_opendrive(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    from linework.files.maps.opendrive_read import read_opendrive
+
+    return read_opendrive(path, kind_field, kinds, crs, left_out)
+
+
 _READERS: dict[str, _Read] = {
     ".gpkg": _read_gpkg,
     ".geojson": _read_geojson,
@@ -339,4 +352,5 @@ _READERS: dict[str, _Read] = {
     ".landxml": _read_landxml,
     ".xml": _read_landxml,
     ".osm": _read_lanelet2,
+    ".xodr": _read_opendrive,
 }
