@@ -26,6 +26,7 @@ from linework.cli.commands.demo import demo
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
 from linework.cli.commands.locate import locate_command
+from linework.cli.commands.of_lines.compare import compare_command
 from linework.cli.commands.of_lines.convert import convert
 from linework.cli.commands.of_lines.evaluate import evaluate_command
 from linework.cli.commands.of_lines.publish import publish_command
@@ -57,6 +58,7 @@ for command in (
     serve,
     evaluate_command,
     report_command,
+    compare_command,
     publish_command,
     raster,
     photolog,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from linework.arrays import FloatArray, distance_along
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.model.columns import Columns, column
 from linework.model.lines import LineSet
 
@@ -98,26 +98,26 @@ class CrossCuts(Columns):
         (n,) bool: no measurement here.
     """
 
-    station: FloatArray = column(np.int64)
-    line: FloatArray = column(np.int64)
+    station: IntArray = column(np.int64)
+    line: IntArray = column(np.int64)
     offset_m: FloatArray = column()
     up_m: FloatArray = column()
     sigma_xy_m: FloatArray = column()
     sigma_z_m: FloatArray = column()
     along_m: FloatArray = column()
     cosine: FloatArray = column()
-    bridged: FloatArray = column(np.bool_)
+    bridged: BoolArray = column(np.bool_)
 
 
-def cross_cuts(lines: LineSet, axis: Axis) -> CrossCuts:
-    """Return the crossings of lines with the perpendiculars at all stations, up to `REACH_M` from the axis."""
+def cross_cuts(lines: LineSet, axis: Axis, *, reach_m: float = REACH_M) -> CrossCuts:
+    """Return the crossings of lines with the perpendiculars at all stations, up to `reach_m` from the axis [m]."""
     owner = lines.line_of_vertex
     first = np.flatnonzero(owner[:-1] == owner[1:])
     if not len(first) or not len(axis.station_m):
         return CrossCuts.empty()
     begin, end = lines.xyz[first, :2], lines.xyz[first + 1, :2]
     tree = shapely.STRtree(shapely.linestrings(np.stack([begin, end], axis=1)))
-    reach = axis.left * REACH_M
+    reach = axis.left * reach_m
     cuts = shapely.linestrings(np.stack([axis.xyz[:, :2] - reach, axis.xyz[:, :2] + reach], axis=1))
     station, segment = tree.query(cuts, predicate="dwithin", distance=_TOUCH_M)
     step = end[segment] - begin[segment]

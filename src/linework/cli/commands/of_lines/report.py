@@ -46,7 +46,7 @@ def report_command(
     from linework.evaluation.chainage.routes import own_routes, route_of_path, routes_of_file
     from linework.evaluation.chainage.rows import ChainageRow, chainage_report
     from linework.evaluation.chainage.stretches import stretch_of_row
-    from linework.files.maps.chainage_tables import values_of, write_chainage_table
+    from linework.files.maps.row_tables import values_of, write_rows
     from linework.files.output.locks import reserve_output
     from linework.files.output.publish import write_page
     from linework.files.vectors.read_write import read_usable_lines
@@ -94,5 +94,7 @@ def report_command(
             names = [field.name for field in dataclasses.fields(ChainageRow)]
             pieces = [stretch_of_row(result, row) for row in result.rows]
             rows = [values_of(row) for row in result.rows]
-            write_chainage_table(names, rows, pieces, found.crs, output, overwrite=overwrite)
+            write_rows(
+                names, rows, pieces, found.crs, output, layer="chainage", by="topic", overwrite=overwrite
+            )
     say(f"{len(result.rows):,} rows in {output}; chainage along {named}")

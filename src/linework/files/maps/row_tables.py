@@ -1,6 +1,6 @@
-"""Tables of a report by chainage as files: CSV, spreadsheet, and GeoPackage with the stretch of route of each row.
+"""Tables of rows as files: CSV, spreadsheet, and GeoPackage with the stretch of line of each row.
 
-Separate from `linework.evaluation.chainage`, which makes the rows: only this room writes files.
+Beside `linework.evaluation`, which makes the rows: only this room writes files.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _DECIMALS = 4
 _DATE = datetime(2000, 1, 1)
 
 
-def write_chainage_table(
+def write_rows(
     names: Sequence[str], rows: Sequence[Sequence[Any]], pieces: Sequence[FloatArray], crs: str, path: Path, *,
-    overwrite: bool = False,
+    layer: str, by: str, overwrite: bool = False,
 ) -> None:  # fmt: skip
     """Write rows as .csv, .xlsx or .gpkg.
 
@@ -37,7 +37,11 @@ def write_chainage_table(
     names, rows
         Names of the columns, and the values; None: not known.
     pieces
-        (k, 3) vertices of the route of each row, for .gpkg. [m, world]
+        (k, 3) vertices of each row's line, for .gpkg. [m, world]
+    layer
+        Name of the layer of a .gpkg.
+    by
+        The column whose values are the sheets of an .xlsx.
 
     Raises
     ------
@@ -45,13 +49,17 @@ def write_chainage_table(
         As for `publish`.
     """
     rounded = [[round(v, _DECIMALS) if isinstance(v, float) else v for v in row] for row in rows]
-    make = {".csv": _csv, ".xlsx": _xlsx, ".gpkg": _gpkg}[path.suffix.lower()]
-    write_bytes(make(names, rounded, pieces, crs), path, overwrite=overwrite)
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        content = _csv(names, rounded)
+    elif suffix == ".xlsx":
+        content = _xlsx(names, rounded, names.index(by))
+    else:
+        content = _gpkg(names, rounded, pieces, crs, layer)
+    write_bytes(content, path, overwrite=overwrite)
 
 
-def _csv(
-    names: Sequence[str], rows: Sequence[Sequence[Any]], _pieces: Sequence[FloatArray], _crs: str
-) -> bytes:
+def _csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> bytes:
     lines = [",".join(names), *(",".join(_cell(value) for value in row) for row in rows)]
     return ("\n".join(lines) + "\n").encode()
 
@@ -69,29 +77,27 @@ def _cell(value: Any) -> str:
     return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n\r') else text
 
 
-def _xlsx(
-    names: Sequence[str], rows: Sequence[Sequence[Any]], _pieces: Sequence[FloatArray], _crs: str
-) -> bytes:
-    """Return a spreadsheet with a sheet per topic."""
+def _xlsx(names: Sequence[str], rows: Sequence[Sequence[Any]], by: int) -> bytes:
+    """Return a spreadsheet with a sheet per value of one column."""
     xlsxwriter = needed("xlsxwriter", "reports", where=".xlsx")
     buffer = io.BytesIO()
-    topic = names.index("topic")
     book = xlsxwriter.Workbook(
         buffer, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
     )
     book.set_properties({"created": _DATE})
+    verdict = names.index("verdict") if "verdict" in names else None
     bold = book.add_format({"bold": True})
     colours = {
-        verdict: book.add_format({"bg_color": colour})
-        for verdict, colour in (("below", "#f4b6a6"), ("above", "#f4b6a6"), ("unknown", "#dddddd"))
+        name: book.add_format({"bg_color": colour})
+        for name, colour in (("below", "#f4b6a6"), ("above", "#f4b6a6"), ("unknown", "#dddddd"))
     }
-    for name in dict.fromkeys(row[topic] for row in rows) or ("report",):
+    for name in dict.fromkeys(row[by] for row in rows) or ("report",):
         sheet = book.add_worksheet(name)
         sheet.write_row(0, 0, names, bold)
         sheet.freeze_panes(1, 0)
-        own = [row for row in rows if row[topic] == name]
+        own = [row for row in rows if row[by] == name]
         for at, row in enumerate(own, start=1):
-            sheet.write_row(at, 0, row, colours.get(row[names.index("verdict")]))
+            sheet.write_row(at, 0, row, colours.get(row[verdict]) if verdict is not None else None)
         sheet.autofilter(0, 0, max(len(own), 1), len(names) - 1)
         sheet.set_column(0, len(names) - 1, 13)
     book.close()
@@ -99,7 +105,7 @@ def _xlsx(
 
 
 def _gpkg(
-    names: Sequence[str], rows: Sequence[Sequence[Any]], pieces: Sequence[FloatArray], crs: str
+    names: Sequence[str], rows: Sequence[Sequence[Any]], pieces: Sequence[FloatArray], crs: str, layer: str
 ) -> bytes:
     columns: dict[str, AnyArray] = {}
     for i, name in enumerate(names):
@@ -109,7 +115,7 @@ def _gpkg(
         else:
             columns[name] = np.array([v or None for v in values], dtype=object)
     shapes = np.array([*(shapely.linestrings(piece) for piece in pieces), None], dtype=object)[:-1]
-    return geopackage_bytes([LayerTable("chainage", columns, shapes)], crs)
+    return geopackage_bytes([LayerTable(layer, columns, shapes)], crs)
 
 
 def values_of(row: Any) -> list[Any]:
