@@ -227,7 +227,7 @@ def _cell(
     factor: FloatArray = np.ones(len(rows))
     for _ in range(30):
         w = weight * factor / sigma**2
-        found = np.linalg.solve(A.T @ (w[:, None] * A) + prior, A.T @ (w * d))
+        found = np.asarray(np.linalg.solve(A.T @ (w[:, None] * A) + prior, A.T @ (w * d)), dtype=np.float64)
         # Least absolute deviations: a kerb that was moved does not pull
         factor = np.asarray(sigma / np.maximum(np.abs(d - A @ found), 0.2 * sigma), dtype=np.float64)
     covariance = np.linalg.inv(A.T @ ((weight / sigma**2)[:, None] * A) + prior)

@@ -53,8 +53,8 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
         layers = _layers(lines)
         for layer in ordered_layers([*layers, *kinds]):
             red, green, blue = colour_of(layer.removesuffix("_solid").removesuffix("_dashed"))
-            attributes = {"linetype": _DASHED} if layer.endswith("_dashed") else {}
-            document.layers.add(layer, true_color=rgb2int((red, green, blue)), **attributes)
+            linetype = _DASHED if layer.endswith("_dashed") else "Continuous"
+            document.layers.add(layer, true_color=rgb2int((red, green, blue)), linetype=linetype)
         space, values = document.modelspace(), field_values(lines)
         for i in range(len(lines)):
             polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": layers[i]})
