@@ -11,7 +11,7 @@ import time
 
 from benchmarks._degrade import AS_DRAWN, VARIANTS, degraded
 from benchmarks._summary import confidence_table, summary_table
-from linework.cli.commands.evaluate import print_tables
+from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.report.tables import score_tables
 from linework.evaluation.tolerance import DASH_END_M

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks._stereo_sets import FOLDER, stereo_set
 from benchmarks.accuracy import scores_of, seeds_of, tell
-from linework.cli.commands.evaluate import print_tables
+from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.measures import match_lines
 from linework.evaluation.report.tables import score_tables
 from linework.imaging.rectify import rectifier_of

@@ -20,7 +20,7 @@ from benchmarks._simulated_worlds import (
     summed,
 )
 from benchmarks.accuracy import seeds_of
-from linework.cli.commands.evaluate import print_tables
+from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.errors import LineworkError
 from linework.methods.kinds import ALL_KINDS, parse_kinds
 from linework.simulation.roads.draw import ROADS

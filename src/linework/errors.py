@@ -313,12 +313,19 @@ EXTRAS = {
         ("fastapi", "pydantic", "starlette", "uvicorn", "h11", "websockets", "PIL"),
     ),
     "simulate": ("simulated surveys", ("embreex", "PIL")),
-    "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL")),
+    "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL", "xlsxwriter")),
     "cad": ("DXF files", ("ezdxf",)),
+    "postgis": ("PostGIS databases", ("psycopg",)),
+    "parquet": ("GeoParquet files", ("pyarrow",)),
     "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),
 }
 #: Packages whose name is another than that of their module.
-_DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "arro3": "arro3-core"}
+_DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "cv2": "opencv-python-headless",
+    "arro3": "arro3-core",
+    "psycopg": "psycopg[binary]",
+}
 
 
 @contextlib.contextmanager

@@ -73,6 +73,7 @@ def test_every_public_name_is_there(blocked):
         ("cad", "ezdxf", "extract points.laz -o lines.dxf"),
         ("reports", "matplotlib", "extract points.laz -o new.gpkg --report report.html"),
         ("cad", "ezdxf", "convert lines.gpkg lines.dxf"),
+        ("parquet", "pyarrow", "convert lines.gpkg lines.parquet"),
         ("reports", "matplotlib", "evaluate lines.gpkg lines.gpkg --picture hits.png"),
         ("reports", "matplotlib", "raster points.laz -o raster"),
         ("reports", "matplotlib", "photolog . -o page.html"),

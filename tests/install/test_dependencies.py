@@ -22,6 +22,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 MODULES = {
     "laspy[lazrs]": ("laspy", "lazrs"),
     "opencv-python-headless": ("cv2",),
+    "psycopg[binary]": ("psycopg",),
     "pillow": ("PIL",),
     "arro3-core": ("arro3",),
     "matplotlib": ("matplotlib", "mpl_toolkits"),

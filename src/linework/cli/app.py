@@ -22,12 +22,15 @@ import linework
 from linework.cli.commands.clean import clean
 from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
-from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
-from linework.cli.commands.evaluate import evaluate_command
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
 from linework.cli.commands.locate import locate_command
+from linework.cli.commands.of_lines.compare import compare_command
+from linework.cli.commands.of_lines.convert import convert
+from linework.cli.commands.of_lines.evaluate import evaluate_command
+from linework.cli.commands.of_lines.publish import publish_command
+from linework.cli.commands.of_lines.report import report_command
 from linework.cli.commands.photolog import photolog
 from linework.cli.commands.raster import raster
 from linework.cli.commands.serve import serve
@@ -54,6 +57,9 @@ for command in (
     trace_command,
     serve,
     evaluate_command,
+    report_command,
+    compare_command,
+    publish_command,
     raster,
     photolog,
     convert,

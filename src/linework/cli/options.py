@@ -22,7 +22,13 @@ SurveyArgument = Annotated[
 ]
 #: Commands that write other files than lines say which in an option of their own.
 LinesOutput = Annotated[
-    Path, typer.Option("--output", "-o", metavar="LINES", help="Output file: .gpkg, .geojson, .dxf, ...")
+    Path,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="LINES",
+        help="Output file: .gpkg, .geojson, .parquet, .dxf, .landxml, .osm, .xodr, ...",
+    ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
 Crs = Annotated[

@@ -18,7 +18,7 @@ from linework.files.line_file.carried_history import added_by_others, has_review
 from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, json_bytes
 from linework.files.store.facts import StoreFacts
-from linework.files.vectors.read_write import points_left_out, write_lines
+from linework.files.vectors.read_write import not_expressed, points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, Failure, path_text
@@ -131,7 +131,11 @@ def record_of(
             }
             for report in extraction.tiles
         ],
-        "warnings": [*extraction.warnings, *points_left_out(output, extraction.logged)],
+        "warnings": [
+            *extraction.warnings,
+            *points_left_out(output, extraction.logged),
+            *not_expressed(lines, output),
+        ],
         "failures": [
             *(
                 {"file": path_text(file), "problem": problem}

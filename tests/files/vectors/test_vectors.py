@@ -218,6 +218,21 @@ def test_dxf_has_layers_colours_and_a_crs_beside_it(tmp_path):
         write_lines(sample(), path)
 
 
+def test_dxf_has_a_layer_per_pattern_of_paint(tmp_path):
+    path = tmp_path / "lines.dxf"
+    lines = sample().with_columns(kind=["lane_marking"] * 3 + ["lane_marking_dash", "cable"],
+                                  pattern=["solid", "dashed", "", "dashed", ""])  # fmt: skip
+    write_lines(lines, path)
+    document = ezdxf.readfile(path)
+    polylines = document.modelspace().query("POLYLINE")
+    names = ["lane_marking_solid", "lane_marking_dashed", "lane_marking", "lane_marking_dash_dashed", "cable"]
+    assert [p.dxf.layer for p in polylines] == names and all(p.is_3d_polyline for p in polylines)
+    assert document.layers.get("lane_marking_dashed").dxf.linetype == "LINEWORK_DASHED"
+    assert document.layers.get("lane_marking_solid").rgb == document.layers.get("lane_marking_dashed").rgb
+    assert read_lines(path).kind.tolist() == lines.kind.tolist()
+    assert not document.audit().errors
+
+
 def test_dxf_does_not_replace_a_foreign_prj(tmp_path):
     (tmp_path / "lines.prj").write_text("mine")
     with pytest.raises(OutputExistsError, match=r"lines\.prj"):

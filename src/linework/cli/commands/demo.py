@@ -117,7 +117,7 @@ def _score_and_report(
     overwrite: bool,
 ) -> None:
     """Score the lines against the truth, write the report and print its two main tables."""
-    from linework.cli.commands.evaluate import print_tables
+    from linework.cli.commands.of_lines.evaluate import print_tables
     from linework.evaluation.measures import match_lines, scores_of
     from linework.evaluation.report.page import ReportContent, report_html
     from linework.evaluation.report.tables import score_tables

@@ -1,4 +1,4 @@
-"""Lines as DXF: 3-D polylines, a layer per kind, attributes as extended data.
+"""Lines as DXF: 3-D polylines, a layer per kind and pattern of paint, attributes as extended data.
 
 Separate from `read_write`, which imports it only for this suffix, because ezdxf takes half a second to import.
 """
@@ -34,6 +34,10 @@ _APP = "LINEWORK"
 _METRES, _STRING = 6, 1000
 #: Longest text in extended data. [characters]
 _MAX_TEXT = 250
+#: Patterns of paint that have layers of their own, and the line type of dashed ones: a sign, not the measured rhythm,
+#: which the dashes themselves have. [m: whole, dash, gap]
+_PATTERNS = ("solid", "dashed")
+_DASHED, _DASHED_PATTERN = "LINEWORK_DASHED", (2.0, 1.0, -1.0)
 
 
 def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
@@ -45,13 +49,15 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     try:
         document = new("R2010", units=_METRES)
         document.appids.new(_APP)
-        layers = layer_names(lines)
-        for layer in ordered_layers([*layers.tolist(), *kinds]):
-            red, green, blue = colour_of(layer)
-            document.layers.add(layer, true_color=rgb2int((red, green, blue)))
+        document.linetypes.add(_DASHED, pattern=_DASHED_PATTERN, description="dashed")
+        layers = _layers(lines)
+        for layer in ordered_layers([*layers, *kinds]):
+            red, green, blue = colour_of(layer.removesuffix("_solid").removesuffix("_dashed"))
+            linetype = _DASHED if layer.endswith("_dashed") else "Continuous"
+            document.layers.add(layer, true_color=rgb2int((red, green, blue)), linetype=linetype)
         space, values = document.modelspace(), field_values(lines)
         for i in range(len(lines)):
-            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": str(layers[i])})
+            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": layers[i]})
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
             polyline.set_xdata(_APP, _extended_data(fields))
         # ezdxf goes through a set of these, whose order differs between processes
@@ -60,6 +66,12 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
         document.saveas(part)
     finally:
         options.write_fixed_meta_data_for_testing = before
+
+
+def _layers(lines: LineSet) -> list[str]:
+    """Return the layer of each line: its kind, and for paint its pattern, which CAD programs tell by layers."""
+    pairs = zip(layer_names(lines).tolist(), lines.pattern.tolist(), strict=True)
+    return [f"{layer}_{pattern}" if pattern in _PATTERNS else layer for layer, pattern in pairs]
 
 
 def _extended_data(fields: Mapping[str, Any]) -> list[tuple[int, Any]]:

@@ -25,17 +25,28 @@ _Write = Callable[..., None]
 _Verify = Callable[..., None]
 _Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None", list[str]], LineSet]
 #: Module that writes each format, imported on first use: importing all of them takes 0.35 s, GeoPackage alone a tenth
-#: of that (measured).
+#: of that (measured). Its functions are named for the format: `write_gpkg`, `verify_gpkg`.
 _WRITERS = {
-    ".gpkg": "gpkg",
-    ".geojson": "geojson",
-    ".json": "geojson",
-    ".dxf": "dxf",
-    ".kml": "kml",
-    ".fgb": "flatgeobuf",
+    ".gpkg": ("vectors.gpkg", "gpkg"),
+    ".geojson": ("vectors.geojson", "geojson"),
+    ".json": ("vectors.geojson", "geojson"),
+    ".dxf": ("vectors.dxf", "dxf"),
+    ".kml": ("vectors.kml", "kml"),
+    ".fgb": ("vectors.gdal", "flatgeobuf"),
+    ".parquet": ("maps.geoparquet", "geoparquet"),
+    ".landxml": ("maps.landxml", "landxml"),
+    ".xml": ("maps.landxml", "landxml"),
+    ".osm": ("maps.lanelet2", "lanelet2"),
+    ".xodr": ("maps.opendrive", "opendrive"),
 }
+#: Formats that need a package of an extra.
+_EXTRA_OF = {".dxf": "cad", ".parquet": "parquet"}
 #: Formats that hold layers of points beside the lines.
 _WITH_POINTS = (".gpkg", ".geojson", ".json")
+#: How the address of a database begins; paths drop one of the slashes.
+_DATABASES = ("postgresql:/", "postgres:/")
+#: Formats that hold the columns of vertices.
+_WITH_VERTEX_COLUMNS = (*_WITH_POINTS, ".parquet")
 
 
 def check_format(path: Path) -> None:
@@ -51,8 +62,8 @@ def check_format(path: Path) -> None:
     suffix = path.suffix.lower()
     if suffix not in _WRITERS:
         raise UsageError(f"cannot write '{suffix}' files", where=path, advice=f"use {', '.join(_WRITERS)}")
-    if suffix == ".dxf":
-        check_extra("cad", where=path)
+    if suffix in _EXTRA_OF:
+        check_extra(_EXTRA_OF[suffix], where=path)
 
 
 def write_lines(
@@ -64,14 +75,15 @@ def write_lines(
     overwrite: bool = False,
     beside: Mapping[Path, FileBeside] | None = None,
     finish: Callable[[bytes], bytes] | None = None,
+    heights: str = "crs",
 ) -> None:
     """Write lines in the format of the suffix.
 
     Parameters
     ----------
     path
-        Ends in .gpkg, .geojson, .dxf, .fgb or .kml. GeoPackage and GeoJSON hold all columns; the others leave out those
-        of vertices, KML the attributes too.
+        Ends in .gpkg, .geojson, .parquet, .dxf, .fgb, .kml, .landxml (or .xml), .osm (Lanelet2) or .xodr (OpenDRIVE). GeoPackage, GeoJSON
+        and GeoParquet hold all columns; `not_expressed` says what the others leave out.
     kinds
         Kinds that get a layer even without lines (formats with layers).
     points
@@ -80,11 +92,13 @@ def write_lines(
         Files that belong to it, as for `publish`.
     finish
         Adds tables to the bytes of a GeoPackage before they are written; ignored for other formats.
+    heights
+        Of a Lanelet2 map: those of the CRS, or above the ellipsoid ("ellipsoid"), which needs the grid of the geoid.
 
     Raises
     ------
     UsageError
-        Unknown suffix, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
+        Unknown suffix, heights for another format than Lanelet2, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
         was opened would be replaced.
     OutputExistsError, MachineError
         As for `publish`.
@@ -106,7 +120,12 @@ def write_lines(
     check_format(path)
     check_writable(lines, path)
     write, verify = _writer(path)
-    extra = {"points": point_layers(points)} if path.suffix.lower() in _WITH_POINTS else {}
+    extra: dict[str, Any] = {"points": point_layers(points)} if path.suffix.lower() in _WITH_POINTS else {}
+    if path.suffix.lower() == ".osm":
+        extra["heights"] = heights
+    elif heights != "crs":
+        raise UsageError(f"{argument('heights', heights)} is for .osm files", where=path,
+                         advice=f"leave {argument('heights')} out")  # fmt: skip
     beside = dict(beside or {})
     prj = path.with_suffix(".prj")
     if path.suffix.lower() == ".dxf":
@@ -142,6 +161,28 @@ def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) ->
     return (
         f"{path}: {named} left out, {path.suffix} files hold only lines ({', '.join(_WITH_POINTS)} hold both)",
     )
+
+
+def not_expressed(lines: LineSet, path: Path) -> tuple[str, ...]:
+    """Return a warning about what of the lines this file's format cannot hold, or none."""
+    suffix = path.suffix.lower()
+    found: list[str] = []
+    if suffix == ".osm":
+        from linework.files.maps.lanelet2 import lanelet2_losses
+
+        found += lanelet2_losses(lines)
+    if suffix == ".xodr":
+        from linework.files.maps.opendrive import opendrive_losses
+
+        found += opendrive_losses(lines)
+    if suffix not in _WITH_VERTEX_COLUMNS and len(lines):
+        if np.isfinite(lines.sigma_xy_m).any() or np.isfinite(lines.sigma_z_m).any():
+            found.append("the standard deviations of the vertices")
+        if lines.bridged.any():
+            found.append("where lines are bridged")
+        if suffix == ".kml":
+            found.append("all attributes")
+    return (f"{path}: left out {', '.join(found)}; .gpkg holds everything",) if found else ()
 
 
 def read_lines(
@@ -187,13 +228,18 @@ def read_usable_lines(
     path: str | Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: Any = None
 ) -> tuple[LineSet, str]:
     """Read lines as `read_lines` does, and return one line about the features left out, "" for none."""
+    given = None if crs is None else parse_crs(crs, where=argument("crs"))
+    if str(path).startswith(_DATABASES):
+        check_extra("postgis", where=argument("lines"))
+        from linework.files.postgis.read import read_database
+
+        return _in_crs(read_database(path, kind_field, kinds), given, Path(path)), ""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise UsageError(
             f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
         )
-    given = None if crs is None else parse_crs(crs, where=argument("crs"))
     left_out: list[str] = []
     found = _READERS[suffix](path, kind_field, kinds, given, left_out)
     return _in_crs(found, given, path), left_out_text(left_out, len(found), path)
@@ -215,9 +261,8 @@ def _in_crs(found: LineSet, given: str | None, path: Path) -> LineSet:
 
 def _writer(path: Path) -> tuple[_Write, _Verify]:
     """Return the functions that write and verify a file of this format."""
-    name = _WRITERS[path.suffix.lower()]
-    room = "gdal" if name == "flatgeobuf" else name
-    module = importlib.import_module(f"linework.files.vectors.{room}")
+    place, name = _WRITERS[path.suffix.lower()]
+    module = importlib.import_module(f"linework.files.{place}")
     return getattr(module, f"write_{name}"), getattr(module, f"verify_{name}")
 
 
@@ -263,6 +308,39 @@ def _read_dxf(
     return read_dxf(path, kind_field, kinds, crs, left_out)
 
 
+def _read_geoparquet(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    check_extra("parquet", where=path)
+    from linework.files.maps.geoparquet import read_geoparquet
+
+    return read_geoparquet(path, kind_field, kinds, crs, left_out)
+
+
+def _read_landxml(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    from linework.files.maps.landxml import read_landxml
+
+    return read_landxml(path, kind_field, kinds, crs, left_out)
+
+
+def _read_lanelet2(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    from linework.files.maps.lanelet2 import read_lanelet2
+
+    return read_lanelet2(path, kind_field, kinds, crs, left_out)
+
+
+def _read_opendrive(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    from linework.files.maps.opendrive_read import read_opendrive
+
+    return read_opendrive(path, kind_field, kinds, crs, left_out)
+
+
 _READERS: dict[str, _Read] = {
     ".gpkg": _read_gpkg,
     ".geojson": _read_geojson,
@@ -270,4 +348,9 @@ _READERS: dict[str, _Read] = {
     ".dxf": _read_dxf,
     ".fgb": _read_with_gdal,
     ".shp": _read_with_gdal,
+    ".parquet": _read_geoparquet,
+    ".landxml": _read_landxml,
+    ".xml": _read_landxml,
+    ".osm": _read_lanelet2,
+    ".xodr": _read_opendrive,
 }

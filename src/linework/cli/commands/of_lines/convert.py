@@ -21,28 +21,47 @@ def convert(
     ],
     overwrite: Overwrite = False,
     crs: Crs = None,
+    heights: Annotated[
+        str,
+        typer.Option("--heights", help="Heights in a Lanelet2 map (.osm): crs (as they are) or ellipsoid."),
+    ] = "crs",
 ) -> None:
     """Convert LINES to another vector format.
 
-    The points of the vehicle's log (images and operator keys) are copied where the format holds points.
+    The points of the vehicle's log (images and operator keys) are copied where the format holds points. What the format
+    cannot hold is reported. A .qgz is a QGIS project with the layers of a .gpkg, which it refers to.
     """
     from linework.cli.failures import warn
-    from linework.errors import PartialError
+    from linework.errors import PartialError, UsageError, argument
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
         check_format,
+        not_expressed,
         points_left_out,
         read_usable_lines,
         write_lines,
     )
 
+    if output.suffix.lower() == ".qgz":
+        from linework.files.maps.qgis_project import write_qgis_project
+
+        with reserve_output(output, overwrite=overwrite, inputs=[lines]):
+            n_layers = write_qgis_project(lines, output, overwrite=overwrite)
+        say(f"{n_layers} layers of {lines} in {output}")
+        return
     check_format(output)
+    if heights not in ("crs", "ellipsoid"):
+        raise UsageError(
+            f"unknown heights '{heights}'", where=argument("heights"), advice="use crs or ellipsoid"
+        )
     with reserve_output(output, overwrite=overwrite, inputs=[lines]):
         found, left_out = read_usable_lines(lines, crs=crs)
         points = read_point_layers(lines)
-        write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
-    for warning in points_left_out(output, points):
+        write_lines(
+            found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights
+        )
+    for warning in (*points_left_out(output, points), *not_expressed(found, output)):
         warn(warning)
     say(f"{len(found):,} lines in {output}")
     if left_out:

@@ -1,0 +1,1 @@
+"""Commands that work on finished lines: convert, compare with a reference, report, publish."""

@@ -1,0 +1,85 @@
+"""`linework compare`: what has changed between two surveys of a road.
+
+Separate from the other commands, as every command has its own file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linework.cli.options import Crs, Overwrite
+from linework.cli.said import say
+
+
+def compare_command(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="Lines of the earlier survey.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="Lines of the later survey.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Output file: .gpkg, .csv or .xlsx.")
+    ],
+    overwrite: Overwrite = False,
+    crs: Crs = None,
+) -> None:
+    """Find what has changed from OLD to NEW: new, gone, moved and changed lines.
+
+    The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
+    see a line of OLD, that is reported as not visible.
+    """
+    import math
+    from collections import Counter
+
+    from linework.cli.failures import warn
+    from linework.errors import UsageError, check_extra
+    from linework.evaluation.epochs import compare_epochs
+    from linework.files.maps.row_tables import write_rows
+    from linework.files.output.locks import reserve_output
+    from linework.files.vectors.read_write import read_usable_lines
+
+    suffix = output.suffix.lower()
+    if suffix not in (".gpkg", ".csv", ".xlsx"):
+        raise UsageError(
+            f"cannot write changes as '{suffix}'", where=output, advice="use .gpkg, .csv or .xlsx"
+        )
+    if suffix == ".xlsx":
+        check_extra("reports", where=output)
+    with reserve_output(output, overwrite=overwrite, inputs=[old, new]):
+        before, after = (read_usable_lines(path, crs=crs) for path in (old, new))
+        for left_out in filter(None, (before[1], after[1])):
+            warn(left_out)
+        changes, registration = compare_epochs(before[0], after[0])
+        names = (
+            "status",
+            "kind",
+            "line",
+            "length_m",
+            "across_m",
+            "up_m",
+            "sigma_across_m",
+            "sigma_up_m",
+            "what",
+        )
+        rows = [
+            [
+                change.status, str(change.line.kind[0]), str(change.line.id[0]), change.length_m,
+                *(None if math.isnan(v) else v for v in
+                  (change.across_m, change.up_m, change.sigma_across_m, change.sigma_up_m)), change.what,
+            ]
+            for change in changes
+        ]  # fmt: skip
+        pieces = [change.line.xyz for change in changes]
+        write_rows(
+            names, rows, pieces, before[0].crs, output, layer="change", by="status", overwrite=overwrite
+        )
+    counts = Counter((change.status, str(change.line.kind[0])) for change in changes)
+    for (status, kind), n in sorted(counts.items()):
+        length_m = sum(c.length_m for c in changes if (c.status, str(c.line.kind[0])) == (status, kind))
+        say(f"{status:12} {kind:18} {n:6,} stretches {length_m:12,.1f} m")
+    if len(registration.cells):
+        across, up = registration.sigma_m.mean(axis=0)
+        say(
+            f"registered in {len(registration.cells):,} cells of 100 m, sigma {across:.3f} m across, {up:.3f} m up"
+        )
+    say(f"{len(changes):,} changes in {output}")

@@ -1,0 +1,221 @@
+"""What can be measured at each station of a route: heights, widths and distances between lines.
+
+Separate from `rows`, which sums samples up by intervals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import BoolArray, FloatArray, distance_along
+from linework.lines.crosscuts import Axis, CrossCuts
+from linework.model.lines import LineSet
+
+#: Lines that turn more than this from the axis do not run along the road (stop lines, crossing roads). [cosine of 25 deg]
+_ALONG_COSINE = 0.9
+#: Widths of a lane: below are gutters, double lines and cycle tracks, above are squares and bays. [m]
+LANE_WIDTHS_M = (2.2, 6.0)
+#: A kerb's top edge belongs to the foot this near: a splayed face is 0.25 m wide. [m]
+_FACE_M = 0.5
+#: A rail belongs to the road whose edge is this near. [m]
+_RAIL_REACH_M = 6.0
+#: Distance of places along a wire. [m]
+_WIRE_STEP_M = 0.25
+
+
+class Sample(NamedTuple):
+    """A value at one place.
+
+    Parameters
+    ----------
+    station_m
+        Chainage. [m]
+    offset_m
+        Distance from the axis, positive to the left. [m]
+    topic, quantity, line
+        What was measured, and of which line, or of which two.
+    value, sigma
+        The value and its standard deviation; None where it was hidden, NaN where the deviation is not known.
+    """
+
+    station_m: float
+    offset_m: float
+    topic: str
+    quantity: str
+    line: str
+    value: float | None
+    sigma: float
+
+
+class Crossing(NamedTuple):
+    """A line where it crosses the perpendicular of a station."""
+
+    kind: str
+    name: str
+    offset_m: float
+    up_m: float
+    sigma_xy_m: float
+    sigma_z_m: float
+    bridged: bool
+
+
+def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[Crossing]]:
+    """Return the lines along the road at each station, from right to left."""
+    found: list[list[Crossing]] = [[] for _ in range(n_stations)]
+    kinds, ids = lines.kind.tolist(), lines.id.tolist()
+    for row in np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE).tolist():
+        i = int(cuts.line[row])
+        found[int(cuts.station[row])].append(
+            Crossing(
+                kinds[i], ids[i] or f"line {i + 1}", float(cuts.offset_m[row]), float(cuts.up_m[row]),
+                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]),
+            )
+        )  # fmt: skip
+    return found
+
+
+def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
+    """Yield the samples of all stations: lanes and carriageway, kerbs, guardrails and barriers."""
+    for s, here in zip(axis.station_m.tolist(), crossings, strict=True):
+        bounds = [c for c in here if c.kind in ("lane_marking", "road_boundary")]
+        yield from _carriageway(s, bounds)
+        for right, left in lanes_at(bounds):
+            yield from _lane(s, right, left)
+        for top in (c for c in here if c.kind == "kerb_top"):
+            feet = [
+                c for c in bounds if c.kind == "road_boundary" and abs(c.offset_m - top.offset_m) <= _FACE_M
+            ]
+            if feet:
+                foot = min(feet, key=lambda c: abs(c.offset_m - top.offset_m))
+                yield _between(
+                    s, top.offset_m, "kerb", "upstand", top.name, top.up_m - foot.up_m, top, foot, "z"
+                )
+        for rail in (c for c in here if c.kind in ("guardrail", "barrier")):
+            yield from _rail(s, rail, bounds)
+
+
+def _between(
+    s: float,
+    offset_m: float,
+    topic: str,
+    quantity: str,
+    name: str,
+    value: float,
+    a: Crossing,
+    b: Crossing,
+    axis: str,
+) -> Sample:
+    """Return a difference of two lines, None where one of them was not measured."""
+    sigmas = (a.sigma_z_m, b.sigma_z_m) if axis == "z" else (a.sigma_xy_m, b.sigma_xy_m)
+    known = None if a.bridged or b.bridged else value
+    return Sample(s, offset_m, topic, quantity, name, known, math.hypot(*sigmas))
+
+
+def lanes_at(bounds: list[Crossing]) -> list[tuple[Crossing, Crossing]]:
+    """Return neighbouring bounds, right and left, that are as far apart as those of a lane.
+
+    Between two boundaries without paint is a lane, or the land beside the road: without paint it is not told.
+    """
+    return [
+        (a, b)
+        for a, b in pairwise(bounds)
+        if LANE_WIDTHS_M[0] <= b.offset_m - a.offset_m <= LANE_WIDTHS_M[1]
+        and "lane_marking" in (a.kind, b.kind)
+    ]
+
+
+def _carriageway(s: float, bounds: list[Crossing]) -> Iterator[Sample]:
+    """Yield the width between the boundaries on both sides of the axis."""
+    edges = [c for c in bounds if c.kind == "road_boundary"]
+    left = [c for c in edges if c.offset_m > _FACE_M]
+    right = [c for c in edges if c.offset_m < -_FACE_M]
+    if left and right:
+        a, b = right[-1], left[0]
+        yield _between(s, 0.0, "road", "carriageway_width", "", b.offset_m - a.offset_m, a, b, "xy")
+
+
+def _lane(s: float, right: Crossing, left: Crossing) -> Iterator[Sample]:
+    width = left.offset_m - right.offset_m
+    middle, name = (left.offset_m + right.offset_m) / 2, f"{right.name} | {left.name}"
+    yield _between(s, middle, "road", "lane_width", name, width, right, left, "xy")
+    fall = _between(
+        s, middle, "road", "crossfall", name, 100 * (left.up_m - right.up_m) / width, right, left, "z"
+    )
+    yield fall._replace(sigma=100 * fall.sigma / width)
+
+
+def _rail(s: float, rail: Crossing, bounds: list[Crossing]) -> Iterator[Sample]:
+    """Yield the height above the edge of the carriageway, and the distance from the edge line."""
+    inside = [
+        c
+        for c in bounds
+        if abs(c.offset_m) < abs(rail.offset_m) + _FACE_M and abs(c.offset_m - rail.offset_m) <= _RAIL_REACH_M
+    ]
+    if not inside:
+        yield Sample(s, rail.offset_m, rail.kind, "top_height", rail.name, None, math.nan)
+        return
+    edge = min(inside, key=lambda c: abs(c.offset_m - rail.offset_m))
+    yield _between(
+        s, rail.offset_m, rail.kind, "top_height", rail.name, rail.up_m - edge.up_m, rail, edge, "z"
+    )
+    paint = [c for c in inside if c.kind == "lane_marking"]
+    if paint:
+        line = min(paint, key=lambda c: abs(c.offset_m - rail.offset_m))
+        away = abs(rail.offset_m - line.offset_m)
+        yield _between(s, rail.offset_m, rail.kind, "offset_from_line", rail.name, away, rail, line, "xy")
+
+
+def clearance_samples(lines: LineSet, axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
+    """Yield the height of wires over each lane: places along the wires, whatever their direction."""
+    tree = cKDTree(axis.xyz[:, :2])
+    for i in np.flatnonzero(lines.kind == "cable").tolist():
+        wire = lines[i]
+        places, sigma, bridged = _places(lines, i)
+        away, station = tree.query(places[:, :2])
+        shift = places[:, :2] - axis.xyz[station, :2]
+        offset = np.einsum("ij,ij->i", shift, axis.left[station])
+        ahead = np.einsum("ij,ij->i", shift, axis.ahead[station])
+        name = str(wire.id) or f"line {i + 1}"
+        for row in np.flatnonzero((np.abs(ahead) <= 1.0) & (away < 30.0)).tolist():
+            bounds = [c for c in crossings[station[row]] if c.kind in ("lane_marking", "road_boundary")]
+            for right, left in lanes_at(bounds):
+                if not right.offset_m <= offset[row] <= left.offset_m:
+                    continue
+                share = (offset[row] - right.offset_m) / (left.offset_m - right.offset_m)
+                road = right.up_m * (1 - share) + left.up_m * share
+                is_hidden = right.bridged or left.bridged or bridged[row]
+                yield Sample(
+                    float(axis.station_m[station[row]]), (left.offset_m + right.offset_m) / 2, "clearance", "clearance",
+                    f"{name} over {right.name} | {left.name}", None if is_hidden else float(places[row, 2] - road),
+                    math.hypot(float(sigma[row]), max(right.sigma_z_m, left.sigma_z_m)),
+                )  # fmt: skip
+
+
+def _places(lines: LineSet, i: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return places along a wire, the standard deviation of their heights, and where it was not measured."""
+    first, last = int(lines.offsets[i]), int(lines.offsets[i + 1])
+    xyz = lines.xyz[first:last]
+    along = distance_along(xyz, in_space=True)
+    at = np.linspace(0.0, along[-1], max(int(along[-1] / _WIRE_STEP_M), 1) + 1)
+    nearest = np.clip(np.searchsorted(along, at), 0, last - first - 1)
+    places = np.stack([np.interp(at, along, coordinate) for coordinate in xyz.T], axis=1)
+    return places, np.interp(at, along, lines.sigma_z_m[first:last]), lines.bridged[first:last][nearest]
+
+
+def shape_samples(axis: Axis) -> Iterator[Sample]:
+    """Yield grade and curvature of the axis, over 20 m."""
+    n = round(10.0)
+    s = axis.station_m
+    heading = np.unwrap(np.arctan2(axis.ahead[:, 1], axis.ahead[:, 0]))
+    for i in range(n, len(s) - n):
+        length = float(s[i + n] - s[i - n])
+        grade = 100 * float(axis.xyz[i + n, 2] - axis.xyz[i - n, 2]) / length
+        yield Sample(float(s[i]), 0.0, "road", "grade", "", grade, math.nan)
+        bend = float(heading[i + n] - heading[i - n]) / length
+        yield Sample(float(s[i]), 0.0, "road", "curvature", "", bend, math.nan)

@@ -1,0 +1,1 @@
+"""Files of lines that other trades read: GeoParquet, LandXML, HD maps (Lanelet2, OpenDRIVE), QGIS projects."""

@@ -1,0 +1,287 @@
+"""Lines as LandXML 1.2: plan features for all of them, breaklines for the edges of the carriageway.
+
+References
+----------
+LandXML 1.2 schema. Positions are texts in the order northing, easting, elevation; lengths are metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pyproj
+import shapely
+
+import linework
+from linework.arrays import FloatArray
+from linework.crs import LOCAL, describe_crs, epsg_text, stated_crs
+from linework.errors import InputError, MachineError
+from linework.files.maps.arcs import arc_vertices
+from linework.files.maps.xml_text import (
+    children,
+    descendants,
+    field_texts,
+    plain_tag,
+    read_xml,
+    text_table,
+    xml_quoted,
+)
+from linework.files.vectors.fields import layer_names, ordered_layers
+from linework.files.vectors.gdal import foreign_lines
+from linework.model.lines import LineSet
+
+_NAMESPACE = "http://www.landxml.org/schema/LandXML-1.2"
+#: The schema requires a date; always the same one, so that the same lines give the same bytes.
+_DATE = 'date="2000-01-01" time="00:00:00"'
+#: Where the surface of the road breaks: a terrain model has an edge along them.
+BREAKLINES = ("road_boundary", "kerb_top")
+#: Metres per unit of LandXML's `linearUnit`.
+_UNITS_M = {
+    "meter": 1.0, "millimeter": 0.001, "centimeter": 0.01, "kilometer": 1000.0, "foot": 0.3048,
+    "USSurveyFoot": 1200 / 3937, "inch": 0.0254, "mile": 1609.344,
+}  # fmt: skip
+_OURS = "linework"
+
+
+def write_landxml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
+    """Write LandXML (called through `publish`): a group of plan features per kind."""
+    layers, fields = layer_names(lines), field_texts(lines)
+    with part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(
+            f'<?xml version="1.0" encoding="UTF-8"?>\n<LandXML xmlns="{_NAMESPACE}" version="1.2" {_DATE} '
+            'readOnly="false" language="English">\n'
+            '<Units><Metric areaUnit="squareMeter" linearUnit="meter" volumeUnit="cubicMeter" '
+            'temperatureUnit="celsius" pressureUnit="milliBars" angularUnit="decimal degrees" '
+            'directionUnit="decimal degrees"/></Units>\n'
+            f"{_crs_element(lines.crs)}"
+            f'<Application name="{_OURS}" version={xml_quoted(linework.__version__)}/>\n'
+        )
+        for layer in ordered_layers([*layers.tolist(), *kinds]):
+            file.write(f"<PlanFeatures name={xml_quoted(layer)}>\n")
+            for i in np.flatnonzero(layers == layer):
+                file.write(
+                    _plan_feature(str(lines.id[i]) or f"line {i + 1}", lines[int(i)].xyz, fields[i], int(i))
+                )
+            file.write("</PlanFeatures>\n")
+        breaking = np.flatnonzero(np.isin(layers, BREAKLINES))
+        if len(breaking):
+            file.write('<Surfaces><Surface name="carriageway"><SourceData><Breaklines>\n')
+            for i in breaking:
+                file.write(
+                    f'<Breakline brkType="standard" name={xml_quoted(lines.id[i] or f"line {i + 1}")} '
+                    f"desc={xml_quoted(layers[i])}><PntList3D>{_points_text(lines[int(i)].xyz)}</PntList3D></Breakline>\n"
+                )
+            file.write("</Breaklines></SourceData></Surface></Surfaces>\n")
+        file.write("</LandXML>\n")
+
+
+def _crs_element(crs: str) -> str:
+    if crs == LOCAL:
+        return '<CoordinateSystem name="local" desc="metres, not georeferenced"/>\n'
+    # The schema has one code, for the plan; the whole CRS is its WKT
+    code = epsg_text(crs).removeprefix("EPSG:").split("+")[0]
+    wkt = pyproj.CRS.from_wkt(crs).to_wkt("WKT2_2019")
+    named = f" epsgCode={xml_quoted(code)}" if code else ""
+    return f"<CoordinateSystem name={xml_quoted(describe_crs(crs))}{named} ogcWktCode={xml_quoted(wkt)}/>\n"
+
+
+def _plan_feature(name: str, xyz: FloatArray, fields: Mapping[str, str], number: int) -> str:
+    """Return a line; the number keeps the order of the set."""
+    properties = "".join(
+        f"<Property label={xml_quoted(label)} value={xml_quoted(value)}/>"
+        for label, value in {"line": str(number), **fields}.items()
+    )
+    return (
+        f"<PlanFeature name={xml_quoted(name)}><CoordGeom><IrregularLine><Start>{_points_text(xyz[:1])}</Start>"
+        f"<End>{_points_text(xyz[-1:])}</End><PntList3D>{_points_text(xyz)}</PntList3D></IrregularLine></CoordGeom>"
+        f'<Feature code="{_OURS}">{properties}</Feature></PlanFeature>\n'
+    )
+
+
+def _points_text(xyz: FloatArray) -> str:
+    return " ".join(f"{north!r} {east!r} {up!r}" for east, north, up in xyz.tolist())
+
+
+def verify_landxml(part: Path, lines: LineSet, path: Path) -> None:
+    """Read the file back and compare every coordinate.
+
+    Raises
+    ------
+    MachineError
+        Not the lines that were written.
+    """
+    back = read_landxml(part, "kind", None, None, [])
+    if back.crs != lines.crs or len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
+        raise MachineError(
+            "written file does not read back the same", where=path, advice="check for free space"
+        )
+
+
+class _Feature(NamedTuple):
+    """A line of the file: its name for messages, its vertices and its texts."""
+
+    name: str
+    xyz: FloatArray
+    texts: dict[str, str]
+
+
+def read_landxml(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    """Read the plan features of a LandXML file, and the breaklines of a file of others.
+
+    The kind of a line is the property `kind_field`; else the name of its group of plan features, or "breakline". Lines
+    and arcs are read; what has a spiral is added to `left_out`.
+
+    Raises
+    ------
+    InputError
+        Not LandXML, or in unknown units.
+    CrsError
+        Coordinates in degrees, or an unknown CRS.
+    """
+    root = read_xml(path, "LandXML")
+    unit_m = _unit_m(root, path)
+    is_own = any(e.get("name") == _OURS for e in children(root, "Application"))
+    points = _named_points(root)
+    read = [
+        *_plan_features(root, points, left_out, is_own=is_own),
+        *([] if is_own else _breaklines(root, left_out)),
+    ]
+    if is_own:
+        read.sort(key=lambda feature: _order(feature.texts))
+    shapes = np.array(
+        [*(shapely.linestrings(f.xyz if unit_m == 1.0 else f.xyz * unit_m) for f in read), None], dtype=object
+    )[:-1]
+    table: dict[str, Any] = text_table(f.texts for f in read)
+    kind = [f.texts.get(kind_field, f.texts["group"]) for f in read]
+    own_crs = _crs_of(root, crs, path)
+    return foreign_lines(shapes, kind, table, kinds, own_crs, path, left_out, [f.name for f in read])
+
+
+def _order(texts: Mapping[str, str]) -> int:
+    text = texts.get("line", "")
+    return int(text) if text.isdecimal() and len(text) < 12 else 0
+
+
+def _unit_m(root: Element, path: Path) -> float:
+    """Return the metres per unit; a file without units is in metres."""
+    for units in children(root, "Units"):
+        for system in children(units, "Metric", "Imperial"):
+            name = system.get("linearUnit", "meter")
+            if name not in _UNITS_M:
+                raise InputError(
+                    f"lengths in '{name[:20]}', which is not a unit of LandXML",
+                    where=path,
+                    advice="correct linearUnit",
+                )
+            return _UNITS_M[name]
+    return 1.0
+
+
+def _crs_of(root: Element, given: str | None, path: Path) -> str:
+    for element in children(root, "CoordinateSystem"):
+        stated = element.get("ogcWktCode") or ""
+        code = (element.get("epsgCode") or "").removeprefix("EPSG:").strip()
+        if stated:
+            return stated_crs(stated, given, where=path)
+        if code:
+            return stated_crs(f"EPSG:{code}", given, where=path)
+    return given or LOCAL
+
+
+def _named_points(root: Element) -> dict[str, FloatArray]:
+    """Return the points that others refer to (`pntRef`), by name."""
+    found = {}
+    for point in descendants(root, "CgPoint"):
+        name, place = point.get("name"), _positions(point.text, (2, 3))
+        if name and place is not None and len(place) == 1:
+            found[name] = place
+    return found
+
+
+def _positions(text: str | None, sizes: Sequence[int]) -> FloatArray | None:
+    """Return (n, 3) east, north, up of a text; heights NaN in two dimensions; None where it is not numbers."""
+    try:
+        numbers = np.array((text or "").split(), dtype=np.float64)
+    except ValueError:
+        return None
+    size = sizes[0] if len(sizes) == 1 else len(numbers)
+    if size not in (2, 3) or not len(numbers) or len(numbers) % size:
+        return None
+    rows = numbers.reshape(-1, size)
+    up = rows[:, 2] if size == 3 else np.full(len(rows), np.nan)
+    return np.column_stack([rows[:, 1], rows[:, 0], up])
+
+
+def _plan_features(
+    root: Element, points: Mapping[str, FloatArray], left_out: list[str], *, is_own: bool
+) -> list[_Feature]:
+    found = []
+    for group in descendants(root, "PlanFeatures"):
+        for feature in children(group, "PlanFeature"):
+            name = f"plan feature {(feature.get('name') or '')[:40]}"
+            texts = {"group": group.get("name") or "plan_feature"}
+            if not is_own:
+                texts["id"] = feature.get("name") or ""
+            for entry in descendants(feature, "Property"):
+                texts[entry.get("label") or ""] = entry.get("value") or ""
+            geometry = [piece for outer in children(feature, "CoordGeom") for piece in outer]
+            xyz = _chained(geometry, points)
+            if isinstance(xyz, str):
+                left_out.append(f"{name}: {xyz}")
+            elif len(xyz) > 1:
+                found.append(_Feature(name, xyz, texts))
+    return found
+
+
+def _chained(pieces: Sequence[Element], points: Mapping[str, FloatArray]) -> FloatArray | str:
+    """Return the vertices of the pieces of a line one after the other, or what cannot be read."""
+    vertices = np.zeros((0, 3))
+    for piece in pieces:
+        name = plain_tag(piece)
+        if name not in ("Line", "IrregularLine", "Curve"):
+            if name in ("Spiral", "Chain"):
+                return f"a {name} is not read"
+            continue
+        listed = [
+            _positions(inner.text, (3,) if plain_tag(inner) == "PntList3D" else (2,))
+            for inner in children(piece, "PntList3D", "PntList2D")
+        ]
+        ends = {
+            plain_tag(e): points.get(e.get("pntRef", "")) if e.get("pntRef") else _positions(e.text, (2, 3))
+            for e in children(piece, "Start", "Center", "End")
+        }
+        own = listed[0] if listed else _joined(name, piece, ends)
+        if own is None:
+            return f"its {name} has no places that can be read"
+        # A piece begins where the one before it ends
+        is_repeat = len(vertices) and np.array_equal(vertices[-1, :2], own[0, :2])
+        vertices = np.concatenate([vertices, own[1:] if is_repeat else own])
+    return vertices
+
+
+def _joined(name: str, piece: Element, ends: Mapping[str, FloatArray | None]) -> FloatArray | None:
+    start, end, centre = ends.get("Start"), ends.get("End"), ends.get("Center")
+    if start is None or end is None or (name == "Curve" and centre is None):
+        return None
+    if name == "Curve" and centre is not None:
+        return arc_vertices(start[0], end[0], centre[0], is_left=piece.get("rot") == "ccw")
+    return np.concatenate([start, end])
+
+
+def _breaklines(root: Element, left_out: list[str]) -> list[_Feature]:
+    found = []
+    for i, line in enumerate(descendants(root, "Breakline")):
+        name = f"breakline {line.get('name') or i + 1}"
+        listed = children(line, "PntList3D")
+        xyz = _positions(listed[0].text, (3,)) if listed else None
+        if xyz is None or len(xyz) < 2:
+            left_out.append(f"{name}: no list of places in three dimensions")
+            continue
+        found.append(_Feature(name, xyz, {"group": "breakline", "id": line.get("name") or ""}))
+    return found

@@ -1,0 +1,274 @@
+"""Read lines from OpenDRIVE: borders of lanes with a road mark, and objects with a skeleton.
+
+Separate from `opendrive`, which writes: reading takes all geometries that the standard has, writing one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import shapely
+
+from linework.arrays import FloatArray
+from linework.crs import LOCAL, parse_crs, stated_crs
+from linework.errors import InputError
+from linework.files.maps.opendrive_plan import RoadPlan, road_plan
+from linework.files.maps.xml_text import children, read_xml, text_table
+from linework.files.vectors.gdal import foreign_lines
+from linework.model.lines import LineSet
+
+#: Distance of the places at which borders are evaluated. [m]
+_STEP_M = 1.0
+#: So far before the next section the last places of a section are taken: the cross-section may change there. [m]
+SECTION_END_M = 1e-4
+_OWN = "linework:"
+_KINDS = {"curb": "road_boundary", "edge": "road_boundary"}
+_PATTERNS = {"solid": "solid", "broken": "dashed"}
+
+
+class _Cubic(NamedTuple):
+    """Cubic pieces along the road: their starts, and a, b, c, d of each."""
+
+    starts: FloatArray
+    factors: FloatArray
+
+    def at(self, s: FloatArray) -> FloatArray:
+        """Return the value at distances (n,); 0 where there is no piece."""
+        if not len(self.starts):
+            return np.zeros(len(s))
+        piece = np.searchsorted(self.starts, s + 1e-9, side="right") - 1
+        d = s - self.starts[piece.clip(min=0)]
+        a = self.factors[piece.clip(min=0)]
+        values = a[:, 0] + d * (a[:, 1] + d * (a[:, 2] + d * a[:, 3]))
+        return np.where(piece < 0, 0.0, values)
+
+
+class _Road(NamedTuple):
+    """What gives a road's places: plan, heights, cross-sections."""
+
+    plan: RoadPlan
+    elevation: _Cubic
+    superelevation: _Cubic
+    shape: dict[float, list[tuple[float, FloatArray]]]
+
+    def places(self, s: FloatArray, t: FloatArray, dz: FloatArray) -> FloatArray:
+        """Return (n, 3) places along, across and above the road."""
+        xy, heading = self.plan.at(s)
+        bank = self.superelevation.at(s)
+        across = t * np.cos(bank) - dz * np.sin(bank)
+        up = self.elevation.at(s) + t * np.sin(bank) + dz * np.cos(bank)
+        return np.column_stack([xy[:, 0] - across * np.sin(heading), xy[:, 1] + across * np.cos(heading), up])
+
+    def rise(self, s: FloatArray, t: FloatArray) -> FloatArray:
+        """Return the height of the cross-section above the reference line, linear between where it is given."""
+        at = np.array(sorted(self.shape))
+        if not len(at):
+            return np.zeros(len(s))
+        after = np.searchsorted(at, s - 1e-9).clip(max=len(at) - 1)
+        before = (after - 1).clip(min=0)
+        share = np.where(
+            after > before, (s - at[before]) / np.maximum(at[after] - at[before], 1e-12), 1.0
+        ).clip(0.0, 1.0)
+        low = np.array([_polynomial(self.shape[at[b]], x) for b, x in zip(before, t, strict=True)])
+        high = np.array([_polynomial(self.shape[at[a]], x) for a, x in zip(after, t, strict=True)])
+        return np.asarray(low * (1 - share) + high * share)
+
+
+def _polynomial(pieces: Sequence[tuple[float, FloatArray]], t: float) -> float:
+    """Return the value of pieces across the road at an offset; the outer ones continue."""
+    start, a = pieces[0]
+    for begin, factors in pieces:
+        if begin <= t + 1e-9:
+            start, a = begin, factors
+    d = t - start
+    return float(a[0] + d * (a[1] + d * (a[2] + d * a[3])))
+
+
+def read_opendrive(
+    path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
+) -> LineSet:
+    """Read the borders of lanes that have a road mark, and the objects that have a skeleton.
+
+    The kind is ours where the file has it; else that of the road mark, and of objects their type. Roads that cannot be
+    evaluated are added to `left_out`.
+
+    Raises
+    ------
+    InputError
+        Not OpenDRIVE.
+    CrsError
+        An unknown CRS.
+    """
+    root = read_xml(path, "OpenDRIVE")
+    shift, own_crs = np.zeros(3), crs or LOCAL
+    for header in children(root, "header"):
+        own_crs = _crs_of(header, crs, path)
+        for offset in children(header, "offset"):
+            try:
+                shift = np.array([_number(offset, name) for name in ("x", "y", "z")])
+            except ValueError as error:
+                raise InputError(f"an offset that is not numbers ({str(error)[:60]})", where=path,
+                                 advice="correct the file") from error  # fmt: skip
+    shapes: list[Any] = []
+    rows: list[dict[str, str]] = []
+    for road in children(root, "road"):
+        name = f"road {(road.get('id') or '')[:20]}"
+        try:
+            for row, xyz in _lines_of_road(road):
+                if len(xyz) > 1 and np.isfinite(xyz).all():
+                    shapes.append(shapely.linestrings(xyz + shift))
+                    rows.append({"road": name, **row})
+        except (ValueError, KeyError, IndexError) as error:
+            left_out.append(f"{name}: {str(error)[:80]}")
+    array = np.array([*shapes, None], dtype=object)[:-1]
+    kind = [row.get(kind_field, row["kind"]) for row in rows]
+    names = [row["road"] for row in rows]
+    return foreign_lines(array, kind, text_table(rows), kinds, own_crs, path, left_out, names)
+
+
+def _crs_of(header: Element, given: str | None, path: Path) -> str:
+    own = _user_data(header).get("crs")
+    if own is not None:
+        return parse_crs(own, where=path)
+    for reference in children(header, "geoReference"):
+        text = (reference.text or "").strip()
+        if text and "[" in text:
+            return stated_crs(text, given, where=path)
+        if text.startswith("+proj"):
+            import pyproj
+
+            try:
+                return stated_crs(pyproj.CRS.from_proj4(text), given, where=path)
+            except pyproj.exceptions.CRSError as error:
+                raise InputError(f"geoReference is not known to PROJ: {text[:60]}", where=path,
+                                 advice="correct the file") from error  # fmt: skip
+    return given or LOCAL
+
+
+def _number(element: Element, name: str, default: float = 0.0) -> float:
+    text = element.get(name)
+    value = default if text is None else float(text)
+    if not np.isfinite(value):
+        raise ValueError(f"{name} is not finite")
+    return value
+
+
+def _cubic(elements: Sequence[Element], key: str, shift: float = 0.0) -> _Cubic:
+    rows = sorted((_number(e, key) + shift, [_number(e, name) for name in "abcd"]) for e in elements)
+    return _Cubic(
+        np.array([row[0] for row in rows], dtype=np.float64),
+        np.array([row[1] for row in rows], dtype=np.float64).reshape(-1, 4),
+    )
+
+
+def _lines_of_road(element: Element) -> list[tuple[dict[str, str], FloatArray]]:
+    """Return the lines of a road with their fields; borders of the same line in neighbouring sections are joined."""
+    lateral = [e for outer in children(element, "lateralProfile") for e in outer]
+    shape: dict[float, list[tuple[float, FloatArray]]] = {}
+    for e in lateral:
+        if e.tag.endswith("shape"):
+            pieces = shape.setdefault(_number(e, "s"), [])
+            pieces.append((_number(e, "t"), np.array([_number(e, name) for name in "abcd"])))
+            pieces.sort(key=lambda piece: piece[0])
+    road = _Road(
+        road_plan(children(children(element, "planView")[0], "geometry")),
+        _cubic([e for outer in children(element, "elevationProfile") for e in children(outer, "elevation")], "s"),
+        _cubic([e for e in lateral if e.tag.endswith("superelevation")], "s"), shape,
+    )  # fmt: skip
+    lanes = children(element, "lanes")[0]
+    offset = _cubic(children(lanes, "laneOffset"), "s")
+    sections = children(lanes, "laneSection")
+    starts = [_number(s, "s") for s in sections] + [_number(element, "length")]
+    found: list[tuple[dict[str, str], FloatArray]] = []
+    open_lines: dict[str, int] = {}
+    for section, begin, end in zip(sections, starts[:-1], starts[1:], strict=True):
+        still: dict[str, int] = {}
+        last = end if section is sections[-1] else end - SECTION_END_M
+        for row, xyz in _borders(section, road, offset, begin, last):
+            name = row.get("id", "")
+            if name and name in open_lines:
+                i = open_lines[name]
+                found[i] = (found[i][0], np.concatenate([found[i][1], xyz]))
+            else:
+                i = len(found)
+                found.append((row, xyz))
+            still[name] = i
+        open_lines = still
+    for outer in children(element, "objects"):
+        for one in children(outer, "object"):
+            found += _skeletons(one, road)
+    return found
+
+
+def _borders(
+    section: Element, road: _Road, offset: _Cubic, begin: float, end: float
+) -> list[tuple[dict[str, str], FloatArray]]:
+    lanes = {int(lane.get("id", "0")): lane for side in section for lane in children(side, "lane")}
+    starts = {begin, end, *offset.starts[(offset.starts > begin) & (offset.starts < end)].tolist()}
+    starts |= {float(s) for s in road.shape if begin < s < end}
+    at = np.array(sorted(starts | set(np.arange(begin, end, _STEP_M).tolist())))
+    # Places nearer than a millimetre are one
+    at = at[np.concatenate([[True], np.diff(at) > 1e-3])]
+    border = {0: offset.at(at)}
+    for sign in (1, -1):
+        for number in range(sign, sign * (len(lanes) + 1), sign):
+            if number not in lanes:
+                break
+            widths = children(lanes[number], "width")
+            if not widths:
+                raise ValueError(f"lane {number} has no width")
+            border[number] = border[number - sign] + sign * _cubic(widths, "sOffset", begin).at(at)
+    found = []
+    for number in sorted(border):
+        marks = children(lanes[number], "roadMark") if number in lanes else []
+        row = _row_of_mark(marks[0]) if marks else None
+        if row is not None:
+            t = border[number]
+            found.append((row, road.places(at, t, road.rise(at, t))))
+    return found
+
+
+def _row_of_mark(mark: Element) -> dict[str, str] | None:
+    """Return the fields of the outer border of a lane, None without a line."""
+    kind = mark.get("type", "none")
+    own = _user_data(mark)
+    if kind == "none" and not own:
+        return None
+    row = {"kind": _KINDS.get(kind, "lane_marking")}
+    if kind in _KINDS:
+        row["form"] = "kerb" if kind == "curb" else "edge"
+    else:
+        words = kind.split()
+        row["pattern"] = _PATTERNS.get(words[0], "")
+        row["double"] = "true" if len(words) > 1 else ""
+    if mark.get("width"):
+        row["width_m"] = str(mark.get("width"))
+    return row | own
+
+
+def _user_data(element: Element) -> dict[str, str]:
+    pairs = {e.get("code", ""): e.get("value", "") for e in children(element, "userData")}
+    return {code.removeprefix(_OWN): value for code, value in pairs.items() if code.startswith(_OWN)}
+
+
+def _skeletons(one: Element, road: _Road) -> list[tuple[dict[str, str], FloatArray]]:
+    row = {"kind": one.get("subtype") or one.get("type") or "object", "id": one.get("id", "")} | _user_data(
+        one
+    )
+    found = []
+    for skeleton in children(one, "skeleton"):
+        for line in children(skeleton, "polyline"):
+            places = np.array(
+                [[_number(v, name) for name in ("s", "t", "dz")] for v in children(line, "vertexRoad")]
+            ).reshape(-1, 3)
+            if len(places) > 1:
+                s, t, dz = places.T
+                xyz = road.places(s, t, np.zeros(len(s)))
+                # Heights of vertices are parallel to z, above the reference line
+                xyz[:, 2] = road.elevation.at(s) + dz
+                found.append((row, xyz))
+    return found

@@ -1,0 +1,1 @@
+"""Lines in a PostGIS database: published in one transaction, and read back."""

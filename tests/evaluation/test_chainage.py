@@ -1,0 +1,248 @@
+"""Reports by chainage: known roads give their own numbers, what is hidden is unknown, tables hold the same rows."""
+
+import csv
+import io
+import sqlite3
+
+import numpy as np
+import openpyxl
+import pytest
+from tests.scenes.map_scenes import UTM, road_lines
+
+from linework.errors import InputError, UsageError
+from linework.evaluation.chainage.routes import own_routes, route_of_path, routes_of_file
+from linework.evaluation.chainage.rows import chainage_report
+from linework.evaluation.chainage.standards import LIMITS
+from linework.files.vectors.read_write import write_lines
+from linework.lines.crosscuts import axis_along, cross_cuts
+from linework.model.lines import LineSet
+
+
+def straight(table, length_m=100.0, heading_deg=37.0, crossfall=0.0):
+    """Return lines at offsets to the left of an axis with a heading, and the axis."""
+    turn = np.radians(90 - heading_deg)
+    ahead, left = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    s = np.arange(0.0, length_m + 0.1, 2.0)
+    start = np.array([500_000.0, 5_400_000.0])
+    shapes, columns = [], {"kind": [], "id": [], "pattern": []}
+    for name, kind, offset, up, pattern, (a, b) in table:
+        along = s[(s >= a) & (s <= b)] if b - a > 4 else np.array([a, b])
+        xy = start + along[:, None] * ahead + offset * left
+        shapes.append(np.column_stack([xy, 100 + up + crossfall * offset + 0.02 * along]))
+        columns["kind"].append(kind)
+        columns["id"].append(name)
+        columns["pattern"].append(pattern)
+    n = sum(map(len, shapes))
+    lines = LineSet.from_lines(
+        shapes, crs=UTM, sigma_xy_m=np.full(n, 0.006), sigma_z_m=np.full(n, 0.008), **columns
+    )
+    path = np.column_stack([start + s[:, None] * ahead, np.full(len(s), 100.0) + 0.02 * s])
+    return lines, axis_along("B 1", path)
+
+
+ROAD = [
+    ("edge", "lane_marking", 3.5, 0.0, "solid", (0, 100)),
+    ("middle", "lane_marking", 0.0, 0.0, "dashed", (0, 100)),
+    ("right", "road_boundary", -3.4, 0.0, "", (0, 100)),
+    ("left", "road_boundary", 4.0, 0.0, "", (0, 100)),
+    ("top", "kerb_top", 4.1, 0.12, "", (0, 100)),
+    ("dropped", "kerb_top", -3.5, 0.02, "", (0, 100)),
+    ("rail a", "guardrail", 4.5, 0.68, "", (0, 40)),
+    ("rail b", "guardrail", 4.5, 0.78, "", (60, 100)),
+]
+
+
+def rows_of(report, quantity, statistic="mean", **what):
+    return [r for r in report.rows if (r.quantity, r.statistic) == (quantity, statistic)
+            and all(getattr(r, name) == value for name, value in what.items())]  # fmt: skip
+
+
+def test_a_straight_road_has_its_own_numbers():
+    lines, axis = straight(ROAD, crossfall=-0.025)
+    report = chainage_report(lines, [axis], standard="us")
+    widths = rows_of(report, "lane_width", line="middle | edge")
+    assert [(r.from_m, r.to_m) for r in widths] == [(10.0 * i, 10.0 * i + 10) for i in range(10)] + [
+        (100.0, 100.0)
+    ]
+    np.testing.assert_allclose([r.value for r in widths], 3.5, atol=1e-6)
+    np.testing.assert_allclose([r.sigma for r in widths], 0.006 * np.sqrt(2))
+    assert {r.side for r in widths} == {"left"} and {r.n for r in widths[:10]} == {10}
+    np.testing.assert_allclose([r.value for r in rows_of(report, "carriageway_width")], 7.4, atol=1e-6)
+    # The left edge is lower by 2.5 %
+    np.testing.assert_allclose([r.value for r in rows_of(report, "crossfall")], -2.5, atol=1e-6)
+    np.testing.assert_allclose([r.value for r in rows_of(report, "grade")], 2.0, atol=1e-6)
+    np.testing.assert_allclose([r.value for r in rows_of(report, "curvature")], 0.0, atol=1e-9)
+    full, dropped = rows_of(report, "upstand", line="top"), rows_of(report, "upstand", line="dropped")
+    np.testing.assert_allclose([r.value for r in full], 0.12 - 0.0025, atol=1e-6)
+    assert {r.side for r in dropped} == {"right"} and abs(dropped[3].value - 0.0225) < 1e-6
+    low = rows_of(report, "top_height", "min", line="rail a")
+    assert {r.verdict for r in low} == {"below"} and abs(low[0].value - (0.68 - 0.0125)) < 1e-6
+    assert {r.verdict for r in rows_of(report, "top_height", "min", line="rail b")} == {"ok"}
+    assert [(r.from_m, r.value) for r in rows_of(report, "gap", "sum")] == [(40.0, 20.0)]
+    np.testing.assert_allclose([r.value for r in rows_of(report, "offset_from_line")], 1.0, atol=1e-6)
+
+
+def test_a_bend_has_its_own_numbers():
+    """Crossings of chords of 2 m with perpendiculars in a bend of 300 m: the sagitta is 1.7 mm."""
+    report = chainage_report(road_lines(), own_routes(road_lines()), standard="uk")
+    assert [axis.name for axis in report.axes] == ["dashed"]
+    np.testing.assert_allclose(
+        [r.value for r in rows_of(report, "lane_width", line="dashed | edge")], 3.5, atol=2e-3
+    )
+    np.testing.assert_allclose([r.value for r in rows_of(report, "carriageway_width")], 8.0, atol=2e-3)
+    np.testing.assert_allclose([r.value for r in rows_of(report, "top_height", line="rail")], 0.75, atol=1e-3)
+    np.testing.assert_allclose([r.value for r in rows_of(report, "upstand")], 0.12, atol=1e-3)
+    found = rows_of(report, "clearance", "min")
+    np.testing.assert_allclose([r.value for r in found if r.n > 10], 6.5, atol=0.02)
+    assert {r.verdict for r in found} == {"ok"} and "CD 127" in found[0].limit_source
+    np.testing.assert_allclose([abs(r.value) for r in rows_of(report, "curvature")], 1 / 300, rtol=0.05)
+
+
+def test_what_is_bridged_is_unknown_and_never_a_number():
+    lines, axis = straight(ROAD)
+    whole = chainage_report(lines, [axis], standard="us")
+    s = np.linalg.norm(lines.xyz[:, :2] - [500_000, 5_400_000], axis=1)
+    hidden = (lines.id[lines.line_of_vertex] == "rail a") & (s > 8) & (s < 32)
+    report = chainage_report(lines.with_columns(bridged=hidden), [axis], standard="us")
+    rails = rows_of(report, "top_height", "mean", line="rail a")
+    assert [r.from_m for r in rails if r.value is None] == [10.0, 20.0]
+    assert {(r.verdict, r.sigma, r.n, r.measured_share) for r in rails if r.value is None} == {
+        ("unknown", None, 0, 0.0)
+    }
+    partly = next(r for r in rails if r.from_m == 30.0)
+    assert 0 < partly.measured_share < 1 and partly.value is not None
+    # Nothing else has changed
+    assert [r for r in report.rows if r.line != "rail a"] == [r for r in whole.rows if r.line != "rail a"]
+
+
+def test_dashes_gaps_and_missing_dashes():
+    starts = [s for s in range(0, 90, 9) if s != 36]
+    dashes = [(f"dash {s}", "lane_marking_dash", 0.0, 0.0, "dashed", (s, s + 3)) for s in starts]
+    lines, axis = straight([*ROAD[:4], *dashes])
+    report = chainage_report(lines, [axis], every_m=90.0, standard="uk")
+    (length,), (gap,) = (rows_of(report, name, from_m=0.0) for name in ("dash_length", "gap_length"))
+    assert abs(length.value - 3) < 1e-6 and abs(gap.value - 6) < 1e-6 and length.n == 9 and gap.n == 7
+    assert (length.limit_source, length.verdict) == ("TSM 5: 3/6", "ok")
+    assert [r.value for r in rows_of(report, "missing_dashes", "sum")] == [1.0]
+    # Where the marking was bridged, the missing dash may have been hidden
+    s = np.linalg.norm(lines.xyz[:, :2] - [500_000, 5_400_000], axis=1)
+    hidden = (lines.id[lines.line_of_vertex] == "middle") & (s > 34) & (s < 42)
+    report = chainage_report(lines.with_columns(bridged=hidden), [axis], every_m=90.0)
+    (row,) = rows_of(report, "missing_dashes", "sum")
+    assert row.value == 0.0 and row.n == 7 and row.measured_share == 0.875
+
+
+def test_a_wire_across_the_road_is_over_both_lanes():
+    lines, axis = straight(ROAD[:4])
+    place = axis.xyz[50]
+    left = np.append(axis.left[50], 0.0)
+    ends = [place + 12 * left + [0, 0, 6.0], place - 12 * left + [0, 0, 4.8]]
+    wire = LineSet.from_lines([ends], kind=["cable"], id=["w"], crs=lines.crs, sigma_z_m=np.full(2, 0.01))
+    report = chainage_report(LineSet.concatenate([lines, wire]), [axis], standard="us")
+    found = {r.line: r for r in rows_of(report, "clearance", "min")}
+    assert set(found) == {"w over right | middle", "w over middle | edge"}
+    np.testing.assert_allclose(found["w over right | middle"].value, 5.4 - 3.4 * 0.05, atol=0.02)
+    np.testing.assert_allclose(found["w over middle | edge"].value, 5.4, atol=0.02)
+    assert {r.from_m for r in found.values()} == {50.0}
+
+
+def test_lines_across_are_no_bounds():
+    lines, axis = straight(ROAD[:4])
+    stop = LineSet.from_lines([np.stack([axis.xyz[50] - [1.7, 0, 0], axis.xyz[50] + [1.7, 0.1, 0]])], kind=["lane_marking"],
+                              id=["stop"], crs=lines.crs)  # fmt: skip
+    report = chainage_report(LineSet.concatenate([lines, stop]), [axis])
+    assert not [r for r in report.rows if "stop" in r.line]
+
+
+def test_crossings_are_where_they_are():
+    lines, axis = straight(ROAD)
+    cuts = cross_cuts(lines, axis)
+    offsets = {"edge": 3.5, "middle": 0.0, "right": -3.4}
+    for name, offset in offsets.items():
+        own = cuts.take(np.flatnonzero(lines.id[cuts.line] == name))
+        assert len(own) == len(axis.station_m)
+        np.testing.assert_allclose(own.offset_m, offset, atol=1e-9)
+        np.testing.assert_allclose(own.along_m, axis.station_m, atol=1e-9)
+        assert np.array_equal(own.station, np.arange(len(own)))
+
+
+def test_routes():
+    lines, axis = straight(ROAD)
+    assert [a.name for a in own_routes(lines)] == ["edge"]
+    far = lines.with_columns(xyz=lines.xyz + np.array([500.0, 0, 0]), id=np.char.add("far ", lines.id))
+    assert [a.name for a in own_routes(LineSet.concatenate([lines, far]))] == ["edge", "far edge"]
+    with pytest.raises(InputError, match="no marking, boundary or rail of at least 30 m"):
+        own_routes(lines.take([]))
+    flat = LineSet.from_lines(
+        [np.column_stack([axis.xyz[:, :2], np.full(len(axis.xyz), np.nan)])], id=["A 5"]
+    )
+    (route,) = routes_of_file(flat)
+    assert route.name == "A 5" and np.isfinite(route.xyz).all()
+    standing = np.repeat(axis.xyz, 3, axis=0)
+    np.testing.assert_allclose(route_of_path(standing)[0].xyz, axis.xyz, atol=1e-6)
+
+
+@pytest.mark.parametrize(("kwargs", "words"), [({"standard": "mars"}, "unknown standard 'mars'"), ({"every_m": 0.0}, "at least 1 m"), ({"every_m": np.nan}, "at least 1 m")])  # fmt: skip
+def test_parameters_that_are_refused(kwargs, words):
+    lines, axis = straight(ROAD)
+    with pytest.raises(UsageError, match=words):
+        chainage_report(lines, [axis], **kwargs)
+
+
+@pytest.mark.parametrize("standard", LIMITS)
+def test_every_limit_has_a_source_and_a_row(standard):
+    lines, axis = straight(ROAD)
+    report = chainage_report(lines, [axis], standard=standard)
+    for limit in LIMITS[standard]:
+        assert limit.source and (limit.least is None or limit.most is None or limit.least < limit.most)
+    assert any(row.limit_source for row in report.rows)
+
+
+def test_all_tables_hold_the_same_rows(linework, tmp_path):
+    write_lines(road_lines(), tmp_path / "road.gpkg")
+    for suffix in ("csv", "xlsx", "gpkg", "html"):
+        found = linework("report", tmp_path / "road.gpkg", "-o", tmp_path / f"r.{suffix}", "--standard", "uk")
+        assert found.code == 0, found.stderr
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "r.csv").read_text())))
+    book = openpyxl.load_workbook(tmp_path / "r.xlsx")
+    names = [cell.value for cell in book.worksheets[0][1]]
+    sheets = [
+        dict(zip(names, row, strict=True))
+        for sheet in book
+        for row in sheet.iter_rows(min_row=2, values_only=True)
+    ]
+    with sqlite3.connect(tmp_path / "r.gpkg") as db:
+        stored = db.execute(f"SELECT {', '.join(names)} FROM chainage").fetchall()
+    db.close()
+    key = [(r["from_m"], r["quantity"], r["statistic"], r["line"], r["value"]) for r in rows]
+    assert len(set(key)) == len(rows) == len(stored) == len(sheets) > 100
+    for other in (sheets, [dict(zip(names, row, strict=True)) for row in stored]):
+        assert sorted((float(r["from_m"]), r["quantity"], r["statistic"], r["line"] or "", float(r["value"])) for r in other) == \
+            sorted((float(a), b, c, d, float(e)) for a, b, c, d, e in key)  # fmt: skip
+    page = (tmp_path / "r.html").read_text()
+    assert page.count("data:image/png;base64,") >= 2 and "http" not in page.replace("http-equiv", "")
+
+
+def test_the_same_lines_give_the_same_bytes(linework, tmp_path):
+    write_lines(road_lines(), tmp_path / "road.gpkg")
+    for suffix in ("xlsx", "gpkg", "html"):
+        for name in ("a", "b"):
+            (tmp_path / name).mkdir(exist_ok=True)
+            assert linework("report", tmp_path / "road.gpkg", "-o", tmp_path / name / f"r.{suffix}").code == 0
+        assert (tmp_path / f"a/r.{suffix}").read_bytes() == (tmp_path / f"b/r.{suffix}").read_bytes()
+
+
+def test_commands_that_are_refused(linework, tmp_path):
+    write_lines(road_lines(), tmp_path / "road.gpkg")
+    assert (
+        "cannot write '.pdf' reports"
+        in linework("report", tmp_path / "road.gpkg", "-o", tmp_path / "r.pdf").line
+    )
+    both = ("--route", tmp_path / "road.gpkg", "--trajectory", tmp_path / "path.csv")
+    assert linework("report", tmp_path / "road.gpkg", "-o", tmp_path / "r.csv", *both).code == 2
+    (tmp_path / "path.csv").write_text("time_s,easting_m,northing_m,height_m\n" + "\n".join(
+        f"{i},{512_345.6 + 5 * i},{5_403_210.9 + i * i * 0.04},101" for i in range(10)))  # fmt: skip
+    found = linework("report", tmp_path / "road.gpkg", "-o", tmp_path / "r.csv", *both[2:])
+    assert found.code == 0 and "path.csv" in found.stdout
+    found = linework("report", tmp_path / "road.gpkg", "-o", tmp_path / "q.csv", *both[:2])
+    assert found.code == 0

@@ -1,0 +1,141 @@
+"""Changes between epochs: what was changed is found, what was only measured again is not, hidden places are said."""
+
+import numpy as np
+import pyogrio
+import pytest
+
+from linework.crs import parse_crs
+from linework.errors import CrsError
+from linework.evaluation.epochs import compare_epochs
+from linework.files.vectors.read_write import write_lines
+from linework.lines.along import line_stretch
+from linework.model.lines import LineSet
+
+S = np.arange(0.0, 1000.1, 2.0)
+TABLE = {"edge": ("lane_marking", 3.5), "middle": ("lane_marking", 0.0), "other": ("lane_marking", -3.5),
+         "kerb": ("road_boundary", 4.2), "verge": ("road_boundary", -4.2), "rail": ("guardrail", 5.5)}  # fmt: skip
+SIGMA_XY, SIGMA_Z = 0.008, 0.01
+
+
+def epoch(seed, table=TABLE, moved=None, hidden=None, drift_m=0.05):
+    """Return a survey of a road of 1 km: slow errors of navigation, an error per line, and changes.
+
+    `moved` has distances across and up by line and stretch; `hidden` are bridged stretches.
+    """
+    rng = np.random.default_rng(seed)
+    phase = rng.uniform(0, 2 * np.pi, 3)
+    shapes, bridged = [], []
+    for name, (_, offset) in table.items():
+        heading = 0.3 * np.sin(S / 300)
+        x, y = np.cumsum(2.0 * np.cos(heading)), np.cumsum(2.0 * np.sin(heading))
+        left = np.column_stack([-np.sin(heading), np.cos(heading)])
+        away, up = np.full(len(S), offset), 0.01 * S
+        # The same error along tens of metres, as navigation and calibration leave it
+        knots = rng.normal(0, 1, (2, len(S) // 20 + 2))
+        wave = [np.interp(S, np.arange(knots.shape[1]) * 40.0, k) for k in knots]
+        away, up = away + SIGMA_XY * wave[0], up + SIGMA_Z * wave[1]
+        for a, b, across, rise in (moved or {}).get(name, ()):
+            inside = (a <= S) & (b >= S)
+            away, up = away + across * inside, up + rise * inside
+        drift = drift_m * np.sin(S[:, None] / 400 + phase)
+        shapes.append(np.column_stack([np.column_stack([x, y]) + away[:, None] * left, up]) + drift)
+        bridged.append(np.any([(a <= S) & (b >= S) for a, b in (hidden or {}).get(name, ((9, 0),))], axis=0))
+    n = len(S) * len(table)
+    return LineSet.from_lines(shapes, kind=[v[0] for v in table.values()], id=list(table), bridged=np.concatenate(bridged),
+                              pattern=["solid" if v[0] == "lane_marking" else "" for v in table.values()],
+                              sigma_xy_m=np.full(n, SIGMA_XY), sigma_z_m=np.full(n, SIGMA_Z), crs="EPSG:25832")  # fmt: skip
+
+
+def found(old, new, status):
+    return [c for c in compare_epochs(old, new)[0] if c.status == status]
+
+
+def test_two_surveys_of_an_unchanged_road_differ_by_at_most_one_place_per_km():
+    n = [len(compare_epochs(epoch(seed), epoch(100 + seed))[0]) for seed in range(10)]
+    assert np.mean(n) <= 1.0, n
+
+
+def test_the_registration_is_that_of_the_navigation():
+    old, new = epoch(1), epoch(2)
+    _, registration = compare_epochs(old, new)
+    inside = registration.n_lines == 6
+    assert inside.sum() >= 9
+    # Mean difference of all lines: errors of lines are averaged over six of them
+    shift = new.xyz.reshape(6, -1, 3).mean(axis=0) - old.xyz.reshape(6, -1, 3).mean(axis=0)
+    middle = (registration.cells + 0.5) * 100.0
+    at = [int(np.argmin(np.hypot(*(old.xyz[: len(S), :2] - m).T))) for m in middle]
+    assert np.median(np.abs(registration.shift_m[:, 2] - shift[at, 2])[inside]) < 0.01
+    assert np.median(registration.sigma_m[:, 0]) < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_moved_kerb_and_a_raised_rail_are_found(seed):
+    moved = {"kerb": [(200, 300, -0.08, 0.0)], "rail": [(500, 700, 0.0, 0.08)]}
+    changes = found(epoch(seed), epoch(50 + seed, moved=moved), "moved")
+    kerb = [c for c in changes if c.line.id[0] == "kerb"]
+    assert 80 <= sum(c.length_m for c in kerb) <= 130
+    assert abs(np.average([c.across_m for c in kerb], weights=[c.length_m for c in kerb]) + 0.08) < 0.02
+    rail = [c for c in changes if c.line.id[0] == "rail"]
+    assert 170 <= sum(c.length_m for c in rail) <= 230
+    assert abs(np.average([c.up_m for c in rail], weights=[c.length_m for c in rail]) - 0.08) < 0.02
+    assert len(changes) - len(kerb) - len(rail) <= 1
+    assert all(0.008 < c.sigma_across_m < 0.03 for c in changes)
+
+
+def test_new_and_gone_lines_are_found():
+    table = {**{k: v for k, v in TABLE.items() if k != "other"}, "fence": ("fence", -6.0)}
+    changes = [c for c in compare_epochs(epoch(3), epoch(4, table))[0] if c.length_m > 30]
+    assert {(c.status, str(c.line.kind[0])) for c in changes} == {("gone", "lane_marking"), ("new", "fence")}
+    assert all(c.length_m > 950 for c in changes)
+
+
+def test_hidden_places_are_said_and_not_gone():
+    old = epoch(5)
+    changes = compare_epochs(old, epoch(6, hidden={"rail": [(400, 480)]}))[0]
+    rail = [c for c in changes if c.line.id[0] == "rail"]
+    assert [c.status for c in rail] == ["not visible"] and 75 <= rail[0].length_m <= 90
+    # Where the new survey has nothing at all, nothing is gone
+    new = epoch(7)
+    half = LineSet.concatenate([line_stretch(new.take([i]), 0.0, 600.0) for i in range(6)])
+    changes = compare_epochs(old, half)[0]
+    assert not [c for c in changes if c.status == "gone" and c.length_m > 12]
+    assert sum(c.length_m for c in changes if c.status == "not visible") > 6 * 380
+
+
+def test_another_pattern_is_a_change():
+    new = epoch(9).with_columns(pattern=["solid", "dashed", "solid", "", "", ""])
+    (change,) = found(epoch(8), new, "changed")
+    assert (
+        change.what == "pattern solid to dashed" and change.line.id[0] == "middle" and change.length_m > 950
+    )
+
+
+def test_nothing_compared_with_nothing():
+    assert compare_epochs(LineSet.empty(), LineSet.empty())[0] == []
+    old = epoch(1)
+    changes, registration = compare_epochs(old, LineSet.empty(old.crs))
+    assert {c.status for c in changes} == {"not visible"} and len(registration.cells) == 0
+    assert {c.status for c in compare_epochs(LineSet.empty(old.crs), old)[0]} == {"new"}
+    with pytest.raises(CrsError, match="two different CRSs"):
+        compare_epochs(old, old.with_columns(crs=parse_crs("EPSG:25833")))
+
+
+def test_the_command_writes_the_changes(linework, tmp_path):
+    write_lines(epoch(1), tmp_path / "old.gpkg")
+    write_lines(epoch(2, moved={"kerb": [(200, 300, -0.1, 0.0)]}), tmp_path / "new.gpkg")
+    for suffix in ("gpkg", "csv", "xlsx"):
+        done = linework(
+            "compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / f"c.{suffix}"
+        )
+        assert done.code == 0, done.stderr
+        assert "moved        road_boundary" in done.stdout and "registered in 13 cells" in done.stdout
+    rows = (tmp_path / "c.csv").read_text().splitlines()
+    assert rows[0].startswith("status,kind,line,length_m,across_m") and any(
+        r.startswith("moved,road_boundary,kerb,") for r in rows
+    )
+    assert pyogrio.read_info(tmp_path / "c.gpkg", layer="change")["features"] == len(rows) - 1
+    done = linework("compare", tmp_path / "old.gpkg", tmp_path / "old.gpkg", "-o", tmp_path / "none.gpkg")
+    assert done.code == 0 and "0 changes" in done.stdout
+    assert (
+        linework("compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / "c.pdf").code == 2
+    )
