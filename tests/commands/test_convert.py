@@ -27,6 +27,12 @@ def lines(tmp_path):
     return tmp_path / "lines.gpkg"
 
 
+def test_lines_that_a_map_cannot_hold_are_not_counted(linework, lines, tmp_path):
+    found = linework("convert", lines, tmp_path / "map.osm")
+    assert "left out 1 lines of cable" in found.stderr
+    assert found.stdout == f"1 lines in {tmp_path / 'map.osm'}\n"
+
+
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".fgb"])
 def test_there_and_back(linework, lines, tmp_path, suffix):
     there, back = tmp_path / f"there{suffix}", tmp_path / "back.gpkg"

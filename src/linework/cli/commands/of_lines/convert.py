@@ -39,6 +39,7 @@ def convert(
         check_format,
         not_expressed,
         points_left_out,
+        read_lines,
         read_usable_lines,
         write_lines,
     )
@@ -63,6 +64,8 @@ def convert(
         )
     for warning in (*points_left_out(output, points), *not_expressed(found, output)):
         warn(warning)
-    say(f"{len(found):,} lines in {output}")
+    # Maps of lanes hold a part of the lines
+    n_lines = len(read_lines(output)) if output.suffix.lower() in (".osm", ".xodr") else len(found)
+    say(f"{n_lines:,} lines in {output}")
     if left_out:
         raise PartialError(left_out, advice="the other lines are converted")
