@@ -101,9 +101,20 @@ def test_the_laser_is_read_without_being_asked_for(tmp_path):
 
 
 def test_crossings_by_pauses_and_by_lasers():
-    assert crossings_in_time(np.zeros(0)) == (0, 0.0)
-    assert crossings_in_time(np.array([0.0, 1e-5, 0.01, 0.02])) == (3, pytest.approx(16.0 / 6.0))
-    assert crossings_in_time(np.arange(4) * 1e-5, np.array([1, 1, 2, 3])) == (3, pytest.approx(16.0 / 6.0))
+    xyz = np.stack([np.arange(4.0), np.zeros(4), np.zeros(4)], axis=1)
+    assert crossings_in_time(np.zeros(0), xyz[:0]) == 0.0
+    assert crossings_in_time(np.array([0.0, 1e-5, 0.01, 0.02]), xyz) == pytest.approx(16.0 / 6.0)
+    assert crossings_in_time(np.arange(4) * 1e-5, xyz, np.array([1, 1, 2, 3])) == pytest.approx(16.0 / 6.0)
+
+
+def test_times_that_do_not_follow_the_points_tell_nothing():
+    along = np.random.default_rng(5).uniform(0.0, 20.0, 300)
+    xyz = np.stack([along, 0.0 * along, 0.0 * along], axis=1)
+    assert np.isnan(crossings_in_time(np.arange(300) * 1e-5, xyz))
+    assert crossings_in_time(np.arange(300) * 1e-5, np.sort(xyz, axis=0)) == 1.0
+    # The same time for all: in whatever order they come
+    shuffled = np.random.default_rng(6).permutation(300)
+    assert np.isnan([crossings_in_time(np.zeros(300), points) for points in (xyz, xyz[shuffled])]).all()
 
 
 def test_a_lidar_that_was_not_seen_to_turn_draws_one_line_a_laser():
@@ -115,7 +126,7 @@ def test_a_lidar_that_was_not_seen_to_turn_draws_one_line_a_laser():
     assert np.isnan(timing.turn_s).all()
     own = turn.columns[laser_column(turn)]
     one = own == np.bincount(own.astype(int)).argmax()
-    assert crossings_in_time(turn.time_s[one], own[one], timing) == (1, 1.0)
+    assert crossings_in_time(turn.time_s[one], turn.xyz[one], own[one], timing) == 1.0
 
 
 def test_a_rail_that_one_scan_line_drew_is_left_out():

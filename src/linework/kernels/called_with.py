@@ -150,6 +150,24 @@ radon.segments.segments_of = rails
     b1:2C f8 f8:2C i8:2C f8:2C f8:1C f8 i8 i8
 radon.transform.radon = cables
     f8:1C f8:1C f8:1C (f8,f8,f8) f8:1C f8 i8
+scanlines.strings.share_interleaved = paint boundaries rails cables
+    i4:1C
+scanlines.strings.speed_of_spot = paint boundaries rails cables
+    f8:1C f8:2C i8:1C f8
+scanlines.strings.time_back_at_place = paint boundaries rails cables
+    f8:1C f8:2C i8:1C f8 f8 f8
+scanlines.strings.track_strings = paint boundaries rails cables
+    f8:1C f8:2C f8 f8 f8
+scanlines.strips.cuts_of_strips = paint boundaries rails cables
+    f8:1C f8:2C (f8,f8) b1 f8 f8 f8
+scanlines.strips.mean_motion = paint boundaries rails cables
+    f8:1C f8:2C f8
+scanlines.turns.cuts_of_turns = paint boundaries rails cables
+    f8:1C f8:1C f8:1C
+scanlines.turns.in_order_of_ties = paint boundaries rails cables
+    i8:1C f8:1C! f8:2C!
+scanlines.turns.turn_of_points = paint boundaries rails cables
+    f8:1C f8:1C
 store.columns.checksums_of_columns = columns
     u4:2C i8:1C
 store.columns.settle_by_columns = columns
@@ -181,6 +199,7 @@ tracking.times.moving_sums = rails
     f8:2C i8:1C i8
 tracking.times.points_near = rails
     f8:2C! f8:2C i8:1C f8
+    f8:2C! f8:2C! i8:1C f8
 tracking.times.times_near = rails
     f8:2C! f8:1C! f8:2C i8:1C i8 f8
 tracking.track.support = paint boundaries pairs

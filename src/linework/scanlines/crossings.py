@@ -21,6 +21,11 @@ ALONG_DEG = 10.0
 LEAST_CROSSINGS = 3.0
 #: Half a turn of the fastest mirrors, of 500 turns a second. [s]
 HALF_TURN_S = 1e-3
+#: Mean step between successive points of a scan line over their extent: 1 over their number, and noise; at random a third.
+#: Of fewer points nothing is said: a swing that turns back among them leaps as far.
+_MOST_LEAP, _LEAST_LEAPS = 0.15, 12
+#: Points of a candidate that have one time: four returns of a pulse, from two heads. More is a coarse clock.
+_MOST_AT_ONCE = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,9 +118,9 @@ def support_of(lines: ScanLines, points: IntArray, along: tuple[float, float] | 
 
 
 def crossings_in_time(
-    time_s: FloatArray, laser: AnyArray | None = None, timing: ScannerTiming | None = None
-) -> tuple[int, float]:
-    """Return how many scan lines drew the points of a candidate, and the effective number (sum w)**2 / sum w**2.
+    time_s: FloatArray, xyz: FloatArray, laser: AnyArray | None = None, timing: ScannerTiming | None = None
+) -> float:
+    """Return how many scan lines drew the points of a candidate, as their effective number (sum w)**2 / sum w**2.
 
     Told by pauses alone, for candidates of few points: a beam crosses a thing within a fraction of a turn.
 
@@ -123,6 +128,8 @@ def crossings_in_time(
     ----------
     time_s
         (n,) float64 [s], in any order.
+    xyz
+        (n, 3) float64 [m].
     laser
         (n,) number of the laser of a spinning scanner, or None.
     timing
@@ -134,18 +141,22 @@ def crossings_in_time(
     strips: there a millisecond is, half a turn of the fastest mirrors. Of a spinning lidar that was not seen to turn, all
     points of a laser are one line.
 
+    NaN where times tell nothing: where the points of what would be a scan line leap to and fro along the candidate, files
+    have coarse or made-up times.
+
     Examples
     --------
     >>> from linework.model.points import Points
     >>> from linework.scanlines.timing import scanner_timing
     >>> x, y = np.tile(np.linspace(0.0, 5.0, 50), 20), np.repeat(np.arange(20) * 0.1, 50)
     >>> time = np.repeat(np.arange(20) * 0.02, 50) + np.tile(np.arange(50) * 1e-4, 20)
-    >>> timing = scanner_timing(Points(np.stack([x, y, 0.0 * x], axis=1), time_s=time))
-    >>> crossings_in_time(time[x == 0.0], timing=timing), crossings_in_time(time[y == 0.0], timing=timing)
-    ((20, 20.0), (1, 1.0))
+    >>> xyz = np.stack([x, y, 0.0 * x], axis=1)
+    >>> timing = scanner_timing(Points(xyz, time_s=time))
+    >>> [crossings_in_time(time[on], xyz[on], timing=timing) for on in (x == 0.0, y == 0.0)]
+    [20.0, 1.0]
     """
     if not len(time_s):
-        return 0, 0.0
+        return 0.0
     pause = HALF_TURN_S
     if timing is not None and timing.kind != AIRBORNE:
         turn = np.fmax.reduce(timing.turn_s, initial=np.nan)
@@ -154,10 +165,39 @@ def crossings_in_time(
         elif timing.kind == SPINNING:
             pause = np.inf
     beam = np.zeros(len(time_s)) if laser is None else laser
-    order = np.lexsort((time_s, beam))
-    starts = (np.diff(beam[order]) != 0) | (np.diff(time_s[order]) > pause)
-    weight = np.diff(np.flatnonzero(np.concatenate([[True], starts, [True]]))).astype(np.float64)
-    return len(weight), float(weight.sum() ** 2 / np.sum(weight**2))
+    along = _along(xyz)
+    order = np.lexsort((along, time_s, beam))
+    is_first = np.concatenate(
+        [[True], (np.diff(beam[order]) != 0) | (np.diff(time_s[order]) > pause), [True]]
+    )
+    start = np.flatnonzero(is_first)
+    weight = np.diff(start).astype(np.float64)
+    n_eff = float(weight.sum() ** 2 / np.sum(weight**2))
+    largest = int(np.argmax(weight))
+    if n_eff < LEAST_CROSSINGS:
+        drawn = order[start[largest] : start[largest + 1]]
+        if _leaps(along[drawn], time_s[drawn]):
+            return float("nan")
+    return n_eff
+
+
+def _along(xyz: FloatArray) -> FloatArray:
+    """Return the positions of points (n, 3) along their longest extent, (n,) [m]."""
+    away = xyz - xyz.mean(axis=0)
+    axis = np.linalg.eigh(away.T @ away)[1][:, -1]
+    return np.asarray(away @ axis)
+
+
+def _leaps(along: FloatArray, time_s: FloatArray) -> bool:
+    """Return whether positions (n,) in the order of their times (n,) cannot be those of one scan line.
+
+    A scan line passes them once, at random they are a third of the way apart. Many points of one time have no order.
+    """
+    if len(along) < _LEAST_LEAPS:
+        return False
+    if np.count_nonzero(np.diff(time_s)) < len(along) / _MOST_AT_ONCE:
+        return True
+    return bool(np.abs(np.diff(along)).sum() > _MOST_LEAP * len(along) * np.ptp(along))
 
 
 def points_near_segment(xy: FloatArray, start: FloatArray, end: FloatArray, width_m: float) -> IntArray:

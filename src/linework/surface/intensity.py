@@ -132,8 +132,9 @@ def gain_of_lasers(normal: Float32Array, laser: AnyArray, on_road: BoolArray) ->
         (n,) intensity with asphalt at 1, (n,) number of the laser, and (n,) bool.
 
     >>> normal = np.repeat(np.array([0.9, 1.2], dtype=np.float32), 50)
-    >>> gain_of_lasers(normal, np.repeat([3, 7], 50), np.ones(100, dtype=bool))[[0, 99]].round(2).tolist()
-    [0.9, 1.2]
+    >>> gain = gain_of_lasers(normal, np.repeat([3, 7], 50), np.ones(100, dtype=bool))
+    >>> np.allclose(gain, normal)
+    True
     """
     gain: Float32Array = np.ones(len(normal), dtype=np.float32)
     usable = on_road & np.isfinite(normal) & (normal > 0.0)

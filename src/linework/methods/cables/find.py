@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -181,7 +182,10 @@ def _crossings(
     if time_s is None:
         return None
     points = band.index[wire.members]
-    return crossings_in_time(time_s[points], None if laser is None else laser[points], scanner)[1]
+    n = crossings_in_time(
+        time_s[points], band.xyz[wire.members], None if laser is None else laser[points], scanner
+    )
+    return None if math.isnan(n) else n
 
 
 def _found_wires(

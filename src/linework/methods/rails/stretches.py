@@ -171,8 +171,10 @@ def drawn_often(lines: LineSet, points: Points, scanner: ScannerTiming) -> LineS
     name = laser_column(points)
     order = np.argsort(line, kind="stable")
     own = np.split(point[order], np.searchsorted(line[order], np.arange(1, len(lines))))
+    laser = points.columns[name] if name else None
     drawn = [
-        crossings_in_time(points.time_s[i], points.columns[name][i] if name else None, scanner)[1]
+        crossings_in_time(points.time_s[i], points.xyz[i], None if laser is None else laser[i], scanner)
         for i in own
     ]
-    return lines.take(np.array(drawn) >= LEAST_CROSSINGS)
+    # Where times tell nothing (NaN) nothing is left out
+    return lines.take(~(np.array(drawn) < LEAST_CROSSINGS))

@@ -202,7 +202,9 @@ def extend_tile_surface(task: SurfaceTileTask) -> tuple[bool, RoadAside]:
     part = around.part(near)
     is_smooth = tiles.over(LABEL_ARRAY, _ROAD, near, np.int32(0)) > 0
     count = tiles.over(CELLS, _COUNT, near, np.int32(0))
-    return True, smooth_aside(is_road[part], is_smooth, count, near.part(window), config.cell_m)
+    return True, smooth_aside(
+        np.ascontiguousarray(is_road[part]), is_smooth, count, near.part(window), config.cell_m
+    )
 
 
 def packed_sigma(sigma_m: Float32Array) -> AnyArray:
