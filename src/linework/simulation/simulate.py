@@ -81,7 +81,7 @@ def simulate_survey(
     Parameters
     ----------
     kind
-        One of `linework.simulation.roads.draw.ROADS`.
+        A kind of road, one of ROADS in `linework.simulation.roads.draw`.
     seed
         Decides everything else, within the ranges of `linework.simulation.roads.draw`.
     length_m
@@ -89,7 +89,7 @@ def simulate_survey(
     points_per_m
         About how many points per metre of road to record; None: as the seed draws it.
     scanner
-        What measures it, one of `linework.simulation.sensors.rigs.SCANNERS`.
+        What measures it, one of SCANNERS in `linework.simulation.sensors.rigs`.
     conditions
         "usual" or "hard", see `linework.simulation.sensors.conditions`.
     holes
