@@ -81,6 +81,12 @@ class PlanPage:
             self.press("+")
             wait_until(lambda before=before: self.said("view") != before)
 
+    def look_at_all(self) -> None:
+        """Zoom out to all lines; clicks before the view has changed would go astray."""
+        before = self.said("view")
+        self.press("0")
+        wait_until(lambda: self.said("view") != before)
+
     def press(self, *keys: str) -> None:
         for key in keys:
             self.page.keyboard.press(key)

@@ -134,7 +134,7 @@ def test_one_key_sets_one_attribute(plan, boundary):
 
 
 def test_a_box_selects_and_one_key_changes_all(plan):
-    plan.press("0")
+    plan.look_at_all()
     box = plan.page.locator(".plan-view .map").bounding_box()
     mouse = plan.page.mouse
     plan.page.keyboard.down("Shift")
@@ -204,7 +204,9 @@ def test_a_double_click_finishes_a_line(plan):
 def test_measuring_tells_distance_and_height(plan, boundary):
     before = plan.revision
     a, b = boundary["xyz"][2], boundary["xyz"][-3]
-    plan.press("Escape", "0", "m")
+    plan.press("Escape")
+    plan.look_at_all()
+    plan.press("m")
     plan.click(tuple(a[:2]))
     plan.click(tuple(b[:2]))
     wait_until(lambda: "height difference" in plan.message and "unknown" not in plan.message)
