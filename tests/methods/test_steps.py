@@ -19,7 +19,7 @@ RADON = [
     "height above the ground", "cables", "lines",
 ]  # fmt: skip
 OBB = [
-    "ground", "points", "marking boxes", "boundary boxes", "kerbs", "edges", "barriers", "paint",
+    "ground", "points", "marking boxes", "boundary boxes", "kerbs", "edges", "barriers", "sides of the road", "paint",
     "consistent lines", "lines",
 ]  # fmt: skip
 

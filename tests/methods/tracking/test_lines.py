@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from tests.scenes.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
+from linework.methods.obb.method import Obb
+from linework.methods.protocol import SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.arrangement import (
     along_lines,
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
+    has_road_behind,
     is_double,
     paint_forms,
     roles,
@@ -18,7 +21,7 @@ from linework.methods.tracking.neighbours import LineAxis
 from linework.methods.tracking.pattern import find_rhythm, merged_intervals
 from linework.methods.tracking.smooth import smooth_line
 from linework.methods.tracking.track import TrackConfig, track_lines
-from linework.model.boxes import BoxForm
+from linework.model.boxes import BoxForm, BoxSet
 
 
 def lines_of(boxes, seen=everything_seen):
@@ -183,6 +186,66 @@ def test_bright_strips_behind_a_kerb_are_no_markings():
     # Behind the edge of one carriageway the next may begin
     assert behind_boundaries(lanes, kerbs, ~is_kerb).tolist() == [False, False, True]
     assert behind_boundaries(lanes[:1], [], is_kerb[:0]).tolist() == [False]
+
+
+def test_the_path_tells_on_which_side_of_a_step_the_road_is():
+    steps = [axis(0.0), axis(7.0, turned=True)]
+    assert has_road_behind(steps, [], [axis(3.0)]).tolist() == [False, False]
+    # The verge beside the first is lower: it faces away
+    assert has_road_behind([axis(0.0, turned=True), steps[1]], [], [axis(3.0)]).tolist() == [True, False]
+    # The path outweighs a strip on the verge, and what another boundary parts tells nothing
+    assert has_road_behind([axis(0.0, turned=True)], [axis(-4.0)], [axis(3.0)]).tolist() == [True]
+    assert has_road_behind([axis(0.0), axis(-2.0, turned=True)], [], [axis(3.0)]).tolist() == [False, False]
+
+
+def test_without_a_path_paint_tells_it_but_for_kerb_stones():
+    away = [axis(0.0, turned=True)]
+    assert has_road_behind(away, [axis(3.0), axis(6.0)], []).tolist() == [True]
+    assert has_road_behind(away, [axis(3.0), axis(-3.0)], []).tolist() == [False], "paint on both sides"
+    assert has_road_behind(away, [axis(0.2)], []).tolist() == [False]
+    assert has_road_behind(away, [], []).tolist() == [False]
+    assert has_road_behind([], [axis(3.0)], [axis(1.0)]).tolist() == []
+
+
+def test_a_step_down_runs_along_its_top_with_the_road_to_its_left():
+    boxes = boxes_on(straight(30.0), form=BoxForm.KERB)
+    tracks = track_lines(boxes, TrackConfig(), width_m=0.15)
+    (kerb,) = boundary_lines.smooth_boundaries(boxes, tracks, everything_seen)
+    down = boundary_lines.step_down(kerb)
+    assert down.form == "edge"
+    assert np.all(down.height_m < -0.1)
+    assert np.allclose(down.line.xyz, kerb.top.xyz[::-1])
+    assert np.allclose(down.line.normal, -kerb.line.normal[::-1])
+    assert np.all(np.diff(down.line.t_m) > 0)
+    assert np.array_equal(down.line.t_m[[0, -1]], kerb.line.t_m[[0, -1]])
+    assert np.array_equal(down.boxes, kerb.boxes[::-1])
+    again = boundary_lines.step_down(down)
+    assert np.allclose(again.line.xyz, kerb.line.xyz)
+
+
+def test_an_edge_line_above_a_low_verge_is_a_marking_and_the_step_an_edge():
+    # The verge lies to the south, 12 cm lower than the pavement; the path runs 1.5 m north of its edge
+    step = straight(60.0, y=-3.2, x=60.0, heading=np.pi)
+    boxes = BoxSet.concatenate(
+        [
+            boxes_on(step, form=BoxForm.KERB),
+            boxes_on(straight(60.0, y=-2.9)),
+            boxes_on(straight(60.0, y=0.2)),
+        ]
+    )
+    path = np.column_stack([np.arange(0.0, 60.0), np.full(60, -1.7), np.zeros(60)])
+    lines = Obb().join(boxes, SurveyContext(origin=(0.0, 0.0, 0.0), path=path))
+    markings = lines.take(lines.kind == "lane_marking")
+    assert sorted(np.round([line.xyz[:, 1].mean() for line in markings], 1).tolist()) == [-2.9, 0.2]
+    edge = lines.take(lines.kind == "road_boundary")
+    assert edge.form.tolist() == ["edge"]
+    assert edge.height_m[0] == pytest.approx(-0.12, abs=0.01)
+    xyz = edge[0].xyz
+    assert xyz[-1, 0] > xyz[0, 0], "the carriageway is to its left"
+    # With the road on the lower side the same boxes are a kerb, and the strip on its stone no paint
+    below = Obb().join(boxes, SurveyContext(origin=(0.0, 0.0, 0.0), path=path - [0.0, 4.0, 0.0]))
+    assert below.form[below.kind == "road_boundary"].tolist() == ["kerb"]
+    assert not np.any(below.kind == "lane_marking")
 
 
 def test_a_piece_of_a_line_is_no_bar():

@@ -19,6 +19,7 @@ from linework.methods.tracking.arrangement import (
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
+    has_road_behind,
     is_double,
     paint_forms,
     roles,
@@ -105,6 +106,19 @@ def find_edges(now: Joining) -> Joining:
 def find_barriers(now: Joining) -> Joining:
     """Track the boxes of barriers and walls that are not part of a kerb."""
     return _with_boundaries(now, BoxForm.BARRIER)
+
+
+def face_the_road(now: Joining) -> Joining:
+    """Turn the steps whose road lies on their upper side: a verge may be lower than the pavement."""
+    stripes = now.boxes[BoxForm.STRIPE]
+    tracks = track_lines(stripes, now.config, width_m=SAME_PAINT_BOXES_M)
+    lanes, _ = marking_lines.marking_lines(stripes, tracks, now.is_visible)
+    down = has_road_behind(axes_of_lines(now.boundaries), axes_of_lines(lanes), now.path)
+    boundaries = [
+        boundary_lines.step_down(b) if yes and b.form == "kerb" else b
+        for b, yes in zip(now.boundaries, down, strict=True)
+    ]
+    return replace(now, kerbs=[b for b in boundaries if b.form == "kerb"], boundaries=boundaries)
 
 
 def find_paint(now: Joining) -> Joining:

@@ -41,7 +41,7 @@ from linework.model.trajectory import Trajectory
 #: A box depends on the points within this distance of its cell only. [m]
 BOX_REACH_M = 8.0
 #: What `Obb.steps` calls the steps of the join.
-_NAMES_OF_STEPS = ("kerbs", "edges", "barriers", "paint", "consistent lines")
+_NAMES_OF_STEPS = ("kerbs", "edges", "barriers", "sides of the road", "paint", "consistent lines")
 OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
@@ -140,6 +140,8 @@ class Obb:
         # What else bounds the road: the edge of the pavement, then barriers and walls
         joining.find_edges,
         joining.find_barriers,
+        # The lower side of a step is not always the road
+        joining.face_the_road,
         # Paint, which goes on along boundaries where it is worn
         joining.find_paint,
         # A road is painted between its boundaries: lines that contradict others are dropped

@@ -18,6 +18,8 @@ FACING_M = 20.0
 _BESIDE_STATIONS = 0.75
 #: Largest distance from the end of a kerb to the one that continues it (stations are a metre from the ends). [m]
 KERB_CONTINUES_M = 4.0
+#: Paint within this of a boundary may be its stone. [m]
+BESIDE_KERB_M = 0.45
 #: Width of the footways and yards behind a kerb, where paint is not a marking. [m]
 BEHIND_KERB_M = 15.0
 #: An edge with paint this close behind it is a seam within the carriageway. [m]
@@ -122,6 +124,41 @@ def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
     first = np.concatenate([[True], np.diff(n.station[order]) != 0]) if len(order) else np.zeros(0, bool)
     out = np.zeros(len(chosen), dtype=np.bool_)
     out[order[first]] = True
+    return out
+
+
+def has_road_behind(
+    axes: Sequence[LineAxis], lanes: Sequence[LineAxis], path: Sequence[LineAxis]
+) -> BoolArray:
+    """Return which boundaries are stepped down from their road, (m,) bool: its carriageway lies behind, not in front.
+
+    Where the verge is lower than the pavement, the step faces the verge. What tells the side is where the vehicle went,
+    and without it where paint is: the first line across, with no other boundary between.
+
+    Parameters
+    ----------
+    axes
+        Boundaries, each with its lower side to its left.
+    lanes
+        Axes of markings. Those within `BESIDE_KERB_M` of a boundary tell nothing: kerb stones are bright.
+    path
+        Axes of the vehicle's path.
+    """
+    m = len(axes)
+    every = [*axes, *lanes, *path]
+    n = find_neighbours(every, FACING_M)
+    own = n.line < m
+    is_path = n.other >= m + len(lanes)
+    is_bound = n.other < m
+    out = np.zeros(m, dtype=np.bool_)
+    decided = np.zeros(m, dtype=np.bool_)
+    for is_lane in (is_path, ~is_bound & (np.abs(n.across_m) > BESIDE_KERB_M)):
+        counts = own & (is_lane | is_bound)
+        ahead = _nearest_per_station(n, counts & (n.across_m > 0.0)) & is_lane
+        behind = _nearest_per_station(n, counts & (n.across_m < 0.0)) & is_lane
+        in_front, at_back = (_share_of_stations(n, side, every)[:m] for side in (ahead, behind))
+        out |= ~decided & (at_back > _MOST) & (in_front < at_back - _MOST)
+        decided |= np.maximum(in_front, at_back) > _MOST
     return out
 
 

@@ -121,6 +121,27 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
     return SmoothBoundary(line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box))
 
 
+def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
+    """Return a boundary whose road lies on the upper side of its step: the edge of a pavement above its verge.
+
+    It runs along the top of the step, with the carriageway to its left, and its height is negative.
+    """
+    foot, top = _reversed(boundary.line), _reversed(boundary.top)
+    has_top = bool(np.isfinite(top.xyz).all())
+    return SmoothBoundary(
+        top if has_top else foot, foot, boundary.boxes[::-1], FORMS[BoxForm.EDGE], -boundary.height_m[::-1],
+        boundary.confidence, boundary.times_s,
+    )  # fmt: skip
+
+
+def _reversed(line: SmoothLine) -> SmoothLine:
+    """Return a line that runs the other way."""
+    return SmoothLine(
+        line.t_m[-1] - line.t_m[::-1] + line.t_m[0], line.xyz[::-1], -line.normal[::-1], line.sigma_xy_m[::-1],
+        line.sigma_z_m[::-1], line.box[::-1],
+    )  # fmt: skip
+
+
 def bridged_boundary_stations(line: SmoothLine) -> BoolArray:
     """Return which stations lie in gaps without a box, (n,) bool."""
     measured = line.t_m[line.is_measured]
