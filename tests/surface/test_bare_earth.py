@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from linework.model.points import Points
-from linework.surface.bare_earth import bare_cells, bare_halo
+from linework.surface.bare_earth import bare_cells, bare_halo, block_halos
+from linework.surface.blocks import BlockHeights, blocks_over
 from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
 from linework.surface.road import find_ground
@@ -133,9 +134,24 @@ def test_bare_cells_do_not_depend_on_the_window(cell_m):
     height[rng.random((n, n)) < 0.2] = np.nan
     whole = CellWindow(-37, 1009, n, n)
     padded = np.pad(height, halo, constant_values=np.nan)
-    expected = bare_cells(whole, padded, config, halo)
+    # Blocks are found in parts that share some of them, as tiles do
+    columns = [CellWindow(-37, 1009, n, 333), CellWindow(296, 1009, n, n - 333)]
+    tiles = {
+        size: [BlockHeights.of(tile, height[whole.part(tile)], size) for tile in columns]
+        for size in block_halos(config)
+    }
+
+    def blocks_around(window):
+        return {
+            size: BlockHeights.united(size, blocks_over(window, size).grown(n_around), tiles[size])
+            for size, n_around in block_halos(config).items()
+        }
+
+    expected = bare_cells(whole, padded, halo, blocks_around(whole), config)
+    assert 0.05 < expected[0].mean() < 0.95
     for west, south, n_rows, n_cols in ((0, 1020, 90, 61), (-37, 1009, 50, 50), (300, 1300, 33, 128)):
         part = CellWindow(west, south, n_rows, n_cols)
         around = padded[whole.grown(halo).part(part.grown(halo))]
-        for one, other in zip(bare_cells(part, around, config, halo), expected, strict=True):
+        found = bare_cells(part, around, halo, blocks_around(part), config)
+        for one, other in zip(found, expected, strict=True):
             assert np.array_equal(one, other[whole.part(part)])

@@ -54,6 +54,8 @@ cells.bins.sort_into_layers = rails
     f8:2C i8:1C
 cells.bins.steps_to_set = paint boundaries
     b1:2C i8
+cells.blocks.lowest_of_blocks = paint boundaries rails cables points
+    f4:2C i8 i8 i8 i8 i8
 cells.floor.cell_sums = paint boundaries
     f8:2C i8:1C i8:1C
 cells.floor.cells_near_ground = paint boundaries
@@ -72,6 +74,12 @@ cells.nearest.nearest_known_squared = paint boundaries rails cables points
     b1:2C i8 i8
 cells.nearest.softened = paint boundaries rails cables points
     f4:2C i4:2C i8 f8 f8
+cells.openings.lower_limits = paint boundaries rails cables points
+    f4:2C f4:2C i8:1C i8:1C f4:2C i8:1C i8:1C f8
+cells.openings.lowered_by_slope = paint boundaries rails cables points
+    f4:2C i8 f8 f8
+cells.openings.opened = paint boundaries rails cables points
+    f4:2C i8
 cells.planes.interpolated = paint boundaries rails cables points
     i8:3C b1:2C i8:1C i8 f8 i8 i8
 cells.planes.summed_moments = paint boundaries rails cables points

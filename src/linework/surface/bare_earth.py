@@ -18,11 +18,13 @@ another by more than a slope allows is no earth.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array
+from linework.kernels.cells import openings as kernels
+from linework.surface.blocks import BlockHeights, blocks_over, places_in_blocks
 from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
 
@@ -44,21 +46,35 @@ _EDGE_SLOPE, _EDGE_REACH_M = 1.0, 5.0
 #: A lamp of which nothing else is known for the widest window stands on unknown ground: larger than the roof of a
 #: lorry. [m2]
 _LEAST_KNOWN_M2 = 25.0
-#: Blocks around a window on which its slopes depend.
-_SLOPE_HALO = 2 * _SLOPE_OPENING + 1 + _SLOPE_REACH + 1
+#: Blocks around those of a window on which its slopes depend.
+_SLOPE_HALO = 2 * _SLOPE_OPENING + 1 + _SLOPE_REACH
 _INF = np.float32(np.inf)
-_Pick = Callable[[AnyArray, AnyArray], AnyArray]
 
 
 def bare_halo(config: RoadConfig) -> int:
-    """Return the width of the halo around a window on which its bare cells depend. [cells]."""
-    widest = max((2 * n_blocks + 1) * size for size, n_blocks in _openings(config))
-    slope = _SLOPE_HALO * _slope_block(config)
-    return max(widest, slope) + _edge_cells(config)
+    """Return the width of the halo of cells around a window on which its bare cells depend. [cells]."""
+    return max(_edge_cells(config), block_halos(config).get(1, 0))
+
+
+def block_halos(config: RoadConfig) -> dict[int, int]:
+    """Return the sides of all blocks on which bare cells depend [cells], ascending, and how many around a window's own."""
+    found = {_slope_block(config): _SLOPE_HALO}
+    for size, n_blocks in _openings(config):
+        found[size] = max(found.get(size, 0), 2 * n_blocks)
+    return dict(sorted(found.items()))
+
+
+def block_sizes(config: RoadConfig) -> list[int]:
+    """Return the sides of the blocks that are found once for a tile, ascending: all but the cells. [cells]."""
+    return [size for size in block_halos(config) if size > 1]
 
 
 def bare_cells(
-    window: CellWindow, height: Float32Array, config: RoadConfig, halo: int
+    window: CellWindow,
+    height: Float32Array,
+    halo: int,
+    blocks: Mapping[int, BlockHeights],
+    config: RoadConfig,
 ) -> tuple[BoolArray, BoolArray]:
     """Return which cells of a window are earth by the openings, and which have no steep edge below them.
 
@@ -70,31 +86,55 @@ def bare_cells(
         (n_rows + 2 halo, n_cols + 2 halo) float32; NaN in empty cells. [m]
     halo
         `bare_halo`, or more. [cells]
+    blocks
+        For each side of `block_halos` but 1: blocks of the window, and so many around them.
 
     Returns
     -------
     earth, gentle
         (n_rows, n_cols) bool each; earth cells are gentle too.
     """
-    around = window.grown(halo)
-    z = np.where(np.isnan(height), _INF, height)
-    inner = around.part(window)
+    earth, gentle = np.zeros(window.shape, dtype=bool), np.zeros(window.shape, dtype=bool)
+    known = ~np.isnan(height[halo:-halo, halo:-halo])
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        return earth, gentle
+    # Most cells of a tile with a road are empty: only the rectangle around the others is looked at
+    top, bottom, left, right = int(rows[0]), int(rows[-1]), int(cols[0]), int(cols[-1])
+    part = np.s_[top : bottom + 1, left : right + 1]
+    inner = CellWindow(window.west + left, window.north - 1 - bottom, bottom - top + 1, right - left + 1)
+    around = inner.grown(bare_halo(config))
+    height = height[window.grown(halo).part(around)]
+    earth[part], gentle[part] = _bare_cells(inner, around, height, blocks, config)
+    return earth, gentle
+
+
+def _bare_cells(
+    window: CellWindow,
+    around: CellWindow,
+    height: Float32Array,
+    blocks: Mapping[int, BlockHeights],
+    config: RoadConfig,
+) -> tuple[BoolArray, BoolArray]:
+    """Return earth and gentle cells of a window, given the heights of the cells around it."""
+    blocks = {**blocks, 1: BlockHeights.of(around, height, 1)}
+    z = blocks[1].lowest
+    layer = np.float32(config.layer_m)
     # Gentle: no cell nearby is lower by more than the slope of an edge
-    reach = _edge_cells(config)
-    lowered = _cone(z[around.part(window.grown(reach))], reach, config)[reach:-reach, reach:-reach]
-    own = z[inner]
-    gentle = np.isfinite(own) & (own <= lowered + np.float32(config.layer_m))
-    slope = _terrain_slope(around, z, window, config)
+    reach, rise = _edge_cells(config), _EDGE_SLOPE * config.cell_m
+    near = np.ascontiguousarray(z[around.part(window.grown(reach))])
+    lowered = kernels.lowered_by_slope(near, reach, rise, rise * math.sqrt(2.0))[reach:-reach, reach:-reach]
+    own = z[around.part(window)]
+    gentle = np.isfinite(own) & (own <= lowered + layer)
+    slope_blocks, slope = _terrain_slope(blocks[_slope_block(config)], window, config)
+    places = places_in_blocks(slope_blocks, _slope_block(config), window)
     limit = np.full(window.shape, _INF)
     for size, n_blocks in _openings(config):
-        near = window.grown((2 * n_blocks + 1) * size)
-        opened = _opened(_lowest_of_blocks(near, z[around.part(near)], size), n_blocks)
-        level = _of_blocks(near, opened, window, size)
-        np.minimum(limit, level + slope * np.float32(n_blocks * size * config.cell_m), out=limit)
-    earth = (
-        gentle & (own <= limit + np.float32(config.layer_m)) & _has_surroundings(around, z, window, config)
-    )
-    return earth, gentle
+        over = blocks_over(window, size).grown(2 * n_blocks)
+        level = _opened(blocks[size], over, n_blocks)
+        half_m = n_blocks * size * config.cell_m
+        kernels.lower_limits(limit, level, *places_in_blocks(over, size, window), slope, *places, half_m)
+    return gentle & (own <= limit + layer) & _has_surroundings(blocks, window, config), gentle
 
 
 def _openings(config: RoadConfig) -> list[tuple[int, int]]:
@@ -119,32 +159,31 @@ def _edge_cells(config: RoadConfig) -> int:
 
 
 def _terrain_slope(
-    around: CellWindow, z: Float32Array, window: CellWindow, config: RoadConfig
-) -> Float32Array:
-    """Return the slope of the terrain about each cell of a window, without what stands on it, (n_rows, n_cols) [m/m].
+    blocks: BlockHeights, window: CellWindow, config: RoadConfig
+) -> tuple[CellWindow, Float32Array]:
+    """Return the blocks of a window, and the slope of the terrain about each without what stands on it. [m/m].
 
     It is the sum of the slopes along rows and columns: by so much a square window falls.
     """
-    size = _slope_block(config)
-    near = window.grown(_SLOPE_HALO * size)
-    blocks = _opened(_lowest_of_blocks(near, z[around.part(near)], size), _SLOPE_OPENING)
-    total = np.zeros_like(blocks)
+    own = blocks_over(window, blocks.size)
+    near = own.grown(_SLOPE_HALO)
+    lowest = _opened(blocks, near, _SLOPE_OPENING)
+    total = np.zeros_like(lowest)
     for axis in (0, 1):
         with np.errstate(invalid="ignore"):
-            rise = np.abs(_shifted(blocks, 1, axis, _INF) - blocks)
+            rise = np.abs(_shifted(lowest, 1, axis, _INF) - lowest)
         rise = np.where(np.isfinite(rise), rise, np.float32(0.0))
         total += np.maximum(rise, _shifted(rise, -1, axis, np.float32(0.0)))
-    total[np.isinf(blocks)] = np.nan
-    slope = _quantile_about(total / np.float32(size * config.cell_m), _SLOPE_REACH, _SLOPE_SHARE)
-    slope = np.clip(slope, np.float32(_LEVEL_SLOPE), np.float32(_MOST_SLOPE))
-    return _of_blocks(near, slope, window, size)
+    total[np.isinf(lowest)] = np.nan
+    total = total[near.part(own.grown(_SLOPE_REACH))] / np.float32(blocks.size * config.cell_m)
+    slope = _quantile_about(total, _SLOPE_REACH, _SLOPE_SHARE)
+    return own, np.clip(slope, np.float32(_LEVEL_SLOPE), np.float32(_MOST_SLOPE))
 
 
 def _quantile_about(values: Float32Array, n: int, share: float) -> Float32Array:
-    """Return a quantile of the known values within n rows and columns of each; 0 without any."""
-    padded = np.pad(values, n, constant_values=np.nan)
-    around = np.lib.stride_tricks.sliding_window_view(padded, (2 * n + 1, 2 * n + 1))
-    ordered = np.sort(around.reshape(*values.shape, -1), axis=-1)  # NaN last
+    """Return a quantile of the known values within n rows and columns of each but the outer n; 0 without any."""
+    around = np.lib.stride_tricks.sliding_window_view(values, (2 * n + 1, 2 * n + 1))
+    ordered = np.sort(around.reshape(*around.shape[:2], -1), axis=-1)  # NaN last
     n_known = np.count_nonzero(~np.isnan(ordered), axis=-1)
     at = np.maximum(np.ceil(share * n_known).astype(np.int64) - 1, 0)
     found = np.take_along_axis(ordered, at[..., None], axis=-1)[..., 0]
@@ -152,76 +191,26 @@ def _quantile_about(values: Float32Array, n: int, share: float) -> Float32Array:
 
 
 def _has_surroundings(
-    around: CellWindow, z: Float32Array, window: CellWindow, config: RoadConfig
+    blocks: Mapping[int, BlockHeights], window: CellWindow, config: RoadConfig
 ) -> BoolArray:
     """Return which cells of a window have enough known cells about them to say what stands on what."""
-    size, n_blocks = max(_openings(config), default=(1, 1))
-    near = window.grown((n_blocks + 1) * size)
-    known = _by_blocks(near, np.isfinite(z[around.part(near)]), size, np.sum, 0)
-    sums = np.pad(known, n_blocks + 1).cumsum(axis=0).cumsum(axis=1)
+    size, n_blocks = max(_openings(config))
+    own = blocks_over(window, size)
+    known = blocks[size].known[blocks[size].window.part(own.grown(n_blocks))].astype(np.int64)
+    sums = np.pad(known, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
     n = 2 * n_blocks + 1
     total = sums[n:, n:] - sums[:-n, n:] - sums[n:, :-n] + sums[:-n, :-n]
-    total = total[: known.shape[0], : known.shape[1]]
-    return _of_blocks(near, total, window, size) * config.cell_m**2 >= _LEAST_KNOWN_M2
+    rows, cols = places_in_blocks(own, size, window)
+    return np.asarray((total * config.cell_m**2 >= _LEAST_KNOWN_M2)[rows][:, cols])
 
 
-def _cone(z: Float32Array, reach: int, config: RoadConfig) -> Float32Array:
-    """Return the lowest height that the slope of an edge allows each cell, given the cells within `reach` of it."""
-    side = np.float32(_EDGE_SLOPE * config.cell_m)
-    corner = np.float32(_EDGE_SLOPE * config.cell_m * math.sqrt(2.0))
-    for _ in range(reach):
-        rows = np.minimum(_shifted(z, 1, 0, _INF), _shifted(z, -1, 0, _INF))
-        cols = np.minimum(_shifted(z, 1, 1, _INF), _shifted(z, -1, 1, _INF))
-        corners = np.minimum(_shifted(rows, 1, 1, _INF), _shifted(rows, -1, 1, _INF))
-        z = np.minimum(np.minimum(z, np.minimum(rows, cols) + side), corners + corner)
-    return z
+def _opened(blocks: BlockHeights, window: CellWindow, n: int) -> Float32Array:
+    """Return the opening of the blocks of a window by one of 2 n + 1. Unknown blocks are infinite.
 
-
-def _lowest_of_blocks(window: CellWindow, z: Float32Array, size: int) -> Float32Array:
-    """Return the lowest height of each block of `size` cells that the window touches."""
-    return _by_blocks(window, z, size, np.min, np.inf)
-
-
-def _by_blocks(
-    window: CellWindow, values: AnyArray, size: int, of: Callable[..., AnyArray], fill: float
-) -> AnyArray:
-    """Return a value of each block of `size` cells that the window touches; blocks count from the zero of the cells."""
-    south, west = window.south % size, window.west % size
-    north, east = -window.north % size, -window.east % size
-    values = np.pad(values, ((north, south), (west, east)), constant_values=fill)
-    rows, cols = values.shape[0] // size, values.shape[1] // size
-    # Rows first: whole rows are added side by side
-    return of(of(values.reshape(rows, size, -1), axis=1).reshape(rows, cols, size), axis=2)
-
-
-def _of_blocks(window: CellWindow, values: AnyArray, inner: CellWindow, size: int) -> AnyArray:
-    """Return the values of blocks of a window at the cells of an inner window."""
-    top, left = -(-window.north // size), window.west // size
-    rows = top - 1 - (inner.north - 1 - np.arange(inner.n_rows)) // size
-    cols = (inner.west + np.arange(inner.n_cols)) // size - left
-    return np.asarray(values[rows][:, cols])
-
-
-def _opened(z: Float32Array, n: int) -> Float32Array:
-    """Return the opening by a window of 2 n + 1: nothing narrower than that stays. Unknown cells are infinite.
-
-    Windows about unknown cells do not count: a roof beside which the data end is narrower than any window.
+    Windows about unknown blocks do not count: a roof beside which the data end is narrower than any window.
     """
-    low = np.where(np.isinf(z), -_INF, _over_window(z, n, np.minimum, _INF))
-    high = _over_window(low, n, np.maximum, -_INF)
-    high[np.isinf(high)] = _INF
-    return high
-
-
-def _over_window(z: Float32Array, n: int, pick: _Pick, fill: np.float32) -> Float32Array:
-    """Return the lowest or highest value within n cells of each, in windows that double."""
-    for axis in (0, 1):
-        done = 0
-        while done < n:
-            step = min(n - done, 2 * done + 1)
-            z = pick(pick(z, _shifted(z, step, axis, fill)), _shifted(z, -step, axis, fill))
-            done += step
-    return z
+    opened: Float32Array = kernels.opened(np.ascontiguousarray(blocks.lowest[blocks.window.part(window)]), n)
+    return opened
 
 
 def _shifted(z: AnyArray, n: int, axis: int, fill: np.float32) -> AnyArray:

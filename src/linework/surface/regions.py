@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import regions as kernels
 from linework.surface.bare_earth import bare_cells, bare_halo
+from linework.surface.blocks import BlockHeights
 from linework.surface.cells import CellWindow, block_of, drops_of_cells
 from linework.surface.config import RoadConfig
 from linework.surface.heights import SLOPE_HALO, smooth_slopes
@@ -111,6 +113,7 @@ def is_bare(bare: IntArray, cells: IntArray, cell_m: float) -> BoolArray:
 def cell_regions(
     window: CellWindow,
     height: Float32Array,
+    blocks: Mapping[int, BlockHeights],
     spread: Float32Array,
     count: AnyArray,
     path: FloatArray,
@@ -125,6 +128,8 @@ def cell_regions(
     ----------
     height
         (n_rows + 2 h, n_cols + 2 h) float32, with a halo of h = `region_halo`. [m]
+    blocks
+        As `linework.surface.bare_earth.block_halos` says.
     spread, count
         (n_rows, n_cols) float32 [m] and int32.
     path
@@ -141,7 +146,7 @@ def cell_regions(
     smooth, east, north = smooth_slopes(
         np.ascontiguousarray(height[near, near]), spread, rough_limit_m, config
     )
-    earth, gentle = bare_cells(window, height, config, halo)
+    earth, gentle = bare_cells(window, height, halo, blocks, config)
     height = np.ascontiguousarray(height[halo:-halo, halo:-halo])
     road, n_road, first_road = kernels.label_regions(
         height, east, north, smooth, cell, config.max_step_m, False

@@ -24,6 +24,8 @@ from linework.kernels.cells import surface as kernels
 from linework.model.ground import Ground as Ground
 from linework.model.points import Points, refuse_unusable
 from linework.model.trajectory import Trajectory
+from linework.surface.bare_earth import block_halos
+from linework.surface.blocks import BlockHeights
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import CellWindow, path_samples
 from linework.surface.choose import Choice
@@ -78,6 +80,7 @@ def find_ground(
     regions, facts = cell_regions(
         window,
         _with_halo(heights.height, region_halo(config)),
+        _blocks_around(heights, config),
         heights.spread,
         heights.count,
         path_samples(trajectory, config.cell_m),
@@ -159,6 +162,15 @@ def _islands(heights: CellHeights, cell_m: float) -> Islands:
     r, c = np.nonzero(heights.count)
     code = np.unique((rows[r] - rows[-1]) << 32 | (cols[c] - cols[0]))
     return Islands.of(np.stack([(code & 0xFFFFFFFF) + cols[0], (code >> 32) + rows[-1]], axis=-1))
+
+
+def _blocks_around(heights: CellHeights, config: RoadConfig) -> dict[int, BlockHeights]:
+    """Return the blocks on which the regions of a window depend; beyond the window they are empty."""
+    found = {}
+    for size, halo in block_halos(config).items():
+        own = BlockHeights.of(heights.window, heights.height, size)
+        found[size] = BlockHeights.united(size, own.window.grown(halo), [own])
+    return found
 
 
 def _with_halo(values: AnyArray, n: int) -> AnyArray:

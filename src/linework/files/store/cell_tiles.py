@@ -63,8 +63,8 @@ class SurfaceTiles:
         """Return whether a tile has arrays of this name."""
         return self._path(_tile_name(name, tile)).exists()
 
-    def read(self, name: str, tile: TileNumber) -> tuple[AnyArray, ...]:
-        """Return the arrays of a tile.
+    def read(self, name: str, tile: TileNumber, first: int = 0) -> tuple[AnyArray, ...]:
+        """Return the arrays of a tile, from the first that is wanted.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class SurfaceTiles:
             The file is damaged.
         """
         with opened_arrays(self._path(_tile_name(name, tile))) as arrays:
-            return tuple(plane_rows(arrays, which) for which in range(arrays.n_arrays // 2))
+            return tuple(plane_rows(arrays, which) for which in range(first, arrays.n_arrays // 2))
 
     def part(self, name: str, which: int, tile: TileNumber, window: CellWindow) -> AnyArray | None:
         """Return the cells of one array of a tile that lie in a window; None where the tile lacks this name.

@@ -39,6 +39,7 @@ from linework.runs.opened.surface_cost import check_surface_cost, surface_cost, 
 from linework.runs.own import GroundFinder, error_of_fault
 from linework.runs.steps import Advance
 from linework.surface.aside import RoadAside
+from linework.surface.bare_earth import block_sizes
 from linework.surface.carry import CoarseGround, halo_cells
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow, path_samples
 from linework.surface.choose import Choice, RegionLink
@@ -287,7 +288,7 @@ class _Making:
         self.aside = RoadAside()
         occupied = tiles_with_points(self._blocks, counts, tiles, config, 0)
         reached = tiles_with_points(self._blocks, counts, tiles, config, halo_cells(config))
-        cost = surface_cost(occupied.values(), reached.values(), tiles.n_cells)
+        cost = surface_cost(occupied.values(), reached.values(), tiles.n_cells, block_sizes(config))
         check_surface_cost(cost, int(counts.sum()), _extent_m(self._blocks), tiles.folder)
         self._occupied, self._reached = list(occupied), list(reached)
         source = store.folder if isinstance(store, PointStore) else store

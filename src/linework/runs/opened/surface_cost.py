@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +26,8 @@ from linework.surface.config import RoadConfig
 #: Bytes of a cell in each plane: height, spread and number of points; two labels; road, ground, kind and
 #: sigma.
 _CELLS, _LABELS, _SURFACE = (4, 4, 4), (4, 4), (4, 4, 1, 2)
+#: Bytes of a block of cells: lowest height, and number of known cells.
+_BLOCK = (4, 4)
 #: Bytes of a cell along an edge, and cells of all edges in sides of a tile: two cells deep.
 _EDGE_BYTES, _EDGE_SIDES = 20, 8
 #: Stretches of a row of the surface that one cell with points adds: its own, and the crease that averages
@@ -79,7 +81,9 @@ def tiles_with_points(
     return dict(sorted(found.items()))
 
 
-def surface_cost(occupied: Iterable[int], reached: Iterable[int], n_cells: int) -> SurfaceCost:
+def surface_cost(
+    occupied: Iterable[int], reached: Iterable[int], n_cells: int, sizes: Sequence[int]
+) -> SurfaceCost:
     """Return what a surface costs at most.
 
     Parameters
@@ -88,6 +92,8 @@ def surface_cost(occupied: Iterable[int], reached: Iterable[int], n_cells: int) 
         Points of each tile that holds some, and of each that is close enough to have a surface.
     n_cells
         Rows and columns of a tile.
+    sizes
+        Sides of the blocks whose heights are kept beside those of cells. [cells]
     """
     n_tiles = n_files = n_bytes = 0
     for n in occupied:
@@ -95,6 +101,8 @@ def surface_cost(occupied: Iterable[int], reached: Iterable[int], n_cells: int) 
         n_files += 4
         n_bytes += 4 * _FILE_BYTES
         n_bytes += _at_most(2 * n + 1, (*_CELLS, *_LABELS), n_cells**2)
+        # A tile may begin and end within a block
+        n_bytes += sum(_at_most(2 * n + 1, _BLOCK, (n_cells // size + 2) ** 2) for size in sizes)
         n_bytes += _at_most(2 * n + 4, (_EDGE_BYTES,), _EDGE_SIDES * n_cells)
     for n in reached:
         # Far from all cells with points, heights change from block to block: at most 4 in a row

@@ -22,6 +22,8 @@ from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.surface.aside import BESIDE_M, RoadAside, smooth_aside
+from linework.surface.bare_earth import block_halos, block_sizes
+from linework.surface.blocks import BlockHeights, blocks_over
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
@@ -31,7 +33,7 @@ from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_reg
 #: Samples of the path in each box by which it is looked up: 256 m of path. [samples]
 PATH_BOX = 1024
 #: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
-#: the cells; road and ground labels; edges; road and ground labels that were chosen.
+#: the cells, and heights of blocks of them; road and ground labels; edges; road and ground labels that were chosen.
 CELLS, LABEL_ARRAY, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
 PATH, ISLANDS = "path", "islands"
@@ -41,6 +43,8 @@ NOT_KNOWN = 65535
 SURFACE, COARSE = "surface", "coarse"
 #: Index of road and of ground in arrays that hold both, and of the number of points in those of cells.
 _ROAD, _GROUND, _COUNT = 0, 1, 2
+#: Index of the first of the planes of blocks, behind those of cells: lowest height and known cells, size by size.
+_FIRST_BLOCKS = 3
 #: Record of each cell along the edges of a tile, two cells deep.
 _EDGE = np.dtype([("height", "f4"), ("east", "f4"), ("north", "f4"), ("road", "i4"), ("ground", "i4")])
 _SIDES = {"west": np.s_[:, :2], "east": np.s_[:, -2:], "north": np.s_[:2, :], "south": np.s_[-2:, :]}
@@ -104,7 +108,10 @@ def find_heights(task: SurfaceTileTask) -> IntArray:
     )
     if not count.any():
         return np.zeros(0, dtype=np.int64)
-    task.tiles.write(CELLS, task.tile, height, spread, count)
+    window = task.tiles.window(task.tile)
+    blocks = [BlockHeights.of(window, height, size) for size in block_sizes(task.config)]
+    planes = [plane for found in blocks for plane in (found.lowest, found.known)]
+    task.tiles.write(CELLS, task.tile, height, spread, count, *planes)
     return count_spreads(spread)
 
 
@@ -125,10 +132,11 @@ def _opened(folder: Path) -> PointStore:
 def find_regions(task: SurfaceTileTask) -> RegionFacts:
     """Write the labels of a tile's cells and its edges for the neighbours; return facts about its regions."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    _, spread, count = tiles.read(CELLS, task.tile)
+    _, spread, count, *_ = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
         window,
         tiles.over(CELLS, 0, window.grown(region_halo(config)), np.float32(np.nan)),
+        _blocks_around(tiles, window, config),
         spread,
         count,
         _path_near(tiles, window.bounds(config.cell_m)),
@@ -140,6 +148,21 @@ def find_regions(task: SurfaceTileTask) -> RegionFacts:
     tiles.write(LABEL_ARRAY, task.tile, regions.road, regions.ground)
     tiles.write(EDGES, task.tile, *(_edge(regions, part) for part in _SIDES.values()))
     return facts
+
+
+def _blocks_around(tiles: SurfaceTiles, window: CellWindow, config: RoadConfig) -> dict[int, BlockHeights]:
+    """Return the blocks on which the regions of a window depend."""
+    halos = block_halos(config)
+    wanted = {size: blocks_over(window, size).grown(halos[size]) for size in block_sizes(config)}
+    parts: dict[int, list[BlockHeights]] = {size: [] for size in wanted}
+    halo = max(((halos[size] + 1) * size for size in wanted), default=0)
+    for tile in tiles.touching(window.grown(halo)):
+        if tiles.has(CELLS, tile):
+            planes = tiles.read(CELLS, tile, first=_FIRST_BLOCKS)
+            for i, size in enumerate(wanted):
+                over = blocks_over(tiles.window(tile), size)
+                parts[size].append(BlockHeights(size, over, planes[2 * i], planes[2 * i + 1]))
+    return {size: BlockHeights.united(size, over, parts[size]) for size, over in wanted.items()}
 
 
 def edge_cells(tiles: SurfaceTiles, tile: TileNumber, side: str) -> CellRegions:
