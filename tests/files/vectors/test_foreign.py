@@ -15,6 +15,7 @@ from tests.scenes.drawing_scenes import some_lines
 from linework.crs import parse_crs
 from linework.errors import CrsError, InputError, LineworkWarning, UsageError
 from linework.files.vectors.read_write import read_lines, write_lines
+from linework.model.lines import LineSet
 
 UTM = "EPSG:25832+7837"
 
@@ -234,3 +235,11 @@ def test_a_geopackage_whose_schema_is_not_text_is_one_line(tmp_path):
     )
     with pytest.raises(InputError, match=r"a\.gpkg: cannot be read \(.*Copy the file again"):
         read_lines(tmp_path / "a.gpkg")
+
+
+@pytest.mark.parametrize("path", [None, 3.5, []])
+def test_what_is_no_path_is_said_in_one_line(path):
+    with pytest.raises(UsageError, match=r"^path: .* is not a path\. Name a file of lines\.$"):
+        read_lines(path)
+    with pytest.raises(UsageError, match="is not a path"):
+        write_lines(LineSet.empty(), path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -98,7 +99,7 @@ def write_lines(
     Raises
     ------
     UsageError
-        Unknown suffix, heights for another format than Lanelet2, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
+        Not a path, unknown suffix, heights for another format than Lanelet2, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
         was opened would be replaced.
     OutputExistsError, MachineError
         As for `publish`.
@@ -116,6 +117,7 @@ def write_lines(
     ...     read_lines(f"{folder}/lines.gpkg") == lines
     True
     """
+    _check_path(path)
     path = Path(path)
     check_format(path)
     check_writable(lines, path)
@@ -185,6 +187,12 @@ def not_expressed(lines: LineSet, path: Path) -> tuple[str, ...]:
     return (f"{path}: left out {', '.join(found)}; .gpkg holds everything",) if found else ()
 
 
+def _check_path(path: object) -> None:
+    """Refuse what is not a path, as `None` where a function returned nothing."""
+    if not isinstance(path, str | os.PathLike):
+        raise UsageError(f"{path!r:.60} is not a path", where="path", advice="name a file of lines")
+
+
 def read_lines(
     path: str | Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: Any = None
 ) -> LineSet:
@@ -208,6 +216,8 @@ def read_lines(
 
     Raises
     ------
+    UsageError
+        Not a path.
     InputError
         Not a readable file of lines, or none of its features can be read.
     CrsError
@@ -228,6 +238,7 @@ def read_usable_lines(
     path: str | Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: Any = None
 ) -> tuple[LineSet, str]:
     """Read lines as `read_lines` does, and return one line about the features left out, "" for none."""
+    _check_path(path)
     given = None if crs is None else parse_crs(crs, where=argument("crs"))
     if str(path).startswith(_DATABASES):
         check_extra("postgis", where=argument("lines"))
