@@ -1,6 +1,7 @@
 """How far positions are off in GNSS outages, real time and smoothed, and whether the sigmas are honest.
 
 ``python -m benchmarks navigation``: simulated drives over all grades of sensors, seeds 950-969;
+``python -m benchmarks.navigation --turns``: turns of 9 m, by rear wheels, by front wheels, and by these taken for rear;
 ``python -m benchmarks.navigation --real FOLDER`` hides the GNSS of the recorded drives in FOLDER (dresden.csv,
 berlin_odometry_first140s.txt, berlin_reference_first140s.txt) for stretches, and scores against it.
 """
@@ -56,6 +57,9 @@ def main(arguments=()):
 
         report_real(Path(options.real))
         return
+    if options.turns:
+        report_turns(seeds_of(options.seeds))
+        return
     outages, ratios = [], []
     for seed in seeds_of(options.seeds):
         for kind in KINDS:
@@ -73,6 +77,7 @@ def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.navigation")
     parser.add_argument("--seeds", default="950-969", help="first-last, or a list")
     parser.add_argument("--real", default="", help="folder of recorded drives")
+    parser.add_argument("--turns", action="store_true", help="only turns of 9 m, by rear and by front wheels")
     parser.add_argument("--progress", action="store_true")
     return parser.parse_args(list(arguments))
 
@@ -108,6 +113,44 @@ def driven(seed, kind, receiver, gyro):
     plan = (smoothed / located.trajectory.sigma_xyz_m) ** 2
     angles = (turned / located.trajectory.sigma_attitude_deg) ** 2
     return outages, (plan[:, :2].mean(), plan[:, 2].mean(), *angles.mean(axis=0))
+
+
+def report_turns(seeds):
+    """Print the largest horizontal errors in outages of 30 and 60 s on drives that turn by 90 degrees every 20 to 60 m."""
+    kind = replace(URBAN, turn_share=1.0, stop_share=0.0, turn_m=(9.0, 9.0), leg_m=(20.0, 60.0))
+    outages = {"30 s": (100.0, 130.0), "60 s": (180.0, 240.0)}
+    names = "rear wheels", "front wheels", "front wheels taken for rear ones"
+    errors, ratios = {(n, o): [] for n in names for o in outages}, {n: [] for n in names}
+    for seed in seeds:
+        drive = long_drive(kind, 300.0, np.random.default_rng([seed, 11]))
+        for name in names:
+            grades = SensorGrades(
+                gnss=GNSS_2_CM, gyro=GYROS[1], wheels=WheelGrade(scale_left=0.012, scale_right=-0.006),
+                counts_front=name != names[0],
+            )  # fmt: skip
+            logs = simulate_logs(
+                drive, grades, np.random.default_rng([seed, 12]), outages_s=[*outages.values()]
+            )
+            if name == names[2]:
+                logs = replace(logs, wheelbase_m=0.0)
+            located = locate_drive(logs, rate_hz=10.0).trajectory
+            off = errors_of(drive, located)[0][:, :2]
+            for length, (start, end) in outages.items():
+                inside = (located.time_s > start) & (located.time_s < end)
+                errors[name, length].append(np.hypot(*off[inside].T).max())
+            ratios[name].append(np.mean((off / located.sigma_xyz_m[:, :2]) ** 2))
+    print(
+        f"turns of 9 m, wheelbase {grades.wheelbase_m:g} m, GNSS 2 cm, gyro 1, {len(ratios[names[0]])} drives of 300 s:"
+    )
+    print(
+        "largest horizontal error in an outage, median and 95 % [m]; rms(error / sigma) in plan over the drives"
+    )
+    for name in names:
+        parts = [
+            f"{o}: {np.median(errors[name, o]):.3f} ({np.percentile(errors[name, o], 95):.3f})"
+            for o in outages
+        ]
+        print(f"  {name:32} {'   '.join(parts)}   {np.sqrt(np.mean(ratios[name])):.2f}")
 
 
 def errors_of(drive, poses):

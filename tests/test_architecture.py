@@ -27,7 +27,7 @@ LEVELS = [
     {"published"},
     {"files"},
     {"runs", "simulation"},
-    {"tracing", "evaluation"},
+    {"tracing", "evaluation", "live"},
     {"library"},
     {"workbench"},
     {"cli"},

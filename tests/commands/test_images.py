@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.scenes.image_folders import camera_toml, stereo_folder
+from tests.scenes.image_folders import camera_toml, stereo_folder, write_images
 from tests.scenes.kitti_folders import write_drive, write_sequence
 from tests.scenes.places import REAL
 
@@ -156,3 +156,60 @@ def test_a_page_of_a_drive_with_logs_alone_is_located_on_the_way(linework: Any, 
     found = linework("photolog", drive, "-o", tmp_path / "log.html", "--quiet")
     assert found.code == 0 and "0 images, 1 keys" in found.stdout, found.stderr
     assert "made from the logs" in found.stderr
+
+
+def _with_video(folder: Path, *, pair: bool) -> None:
+    """Add a colour camera to the survey, or leave only it."""
+    write_images(folder, "video", [0.1, 0.4, 0.7], ".jpg")
+    text = (folder / "survey.toml").read_text()
+    tables = text if pair else text[: text.index("[cameras.left]")]
+    (folder / "survey.toml").write_text(tables + '[cameras.video]\nimages = "video.csv"\n')
+
+
+@pytest.mark.parametrize("pair", [True, False])
+def test_a_video_camera_is_described_and_shown(
+    linework: Any, folder: Path, tmp_path: Path, pair: bool
+) -> None:
+    _with_video(folder, pair=pair)
+    found = linework("info", folder)
+    assert found.code == 0, found.stderr
+    assert "camera      video: 3 images for the photolog, 0.100 to 0.700 s, 3.333 Hz" in found.stdout
+    assert ("no stereo pairs (only video in [cameras])" in found.stderr) == (not pair)
+    document = _document(linework, folder)
+    assert (document["cameras"] is None) == (not pair)
+    assert document["single_cameras"]["video"]["images"] == 3
+    page = linework("photolog", folder, "-o", tmp_path / "log.html", "--every-m", 1, "--quiet")
+    assert page.code == 0, page.stderr
+    assert page.stdout.endswith("3 images, 2 keys\n")
+    assert "video/000002.jpg" in (tmp_path / "log.html").read_text()
+
+
+def test_one_camera_without_points_has_no_lines_and_says_what_it_is_for(linework: Any, folder: Path) -> None:
+    _with_video(folder, pair=False)
+    found = linework("extract", folder, "-o", folder.parent / "lines.gpkg")
+    assert found.code == 3
+    assert "one camera takes no stereo pairs, and there are no laser points" in found.line
+    assert "linework photolog" in found.line
+
+
+def test_lines_of_points_and_frames_of_one_camera(linework: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    made = linework(
+        "simulate", "-o", folder, "--length-m", 40, "--points-per-m", 400, "--no-images", "--road", "straight"
+    )
+    assert made.code == 0, made.stderr
+    first = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)[0, 0]
+    write_images(folder, "video", [float(first + 0.1 * i) for i in range(1, 5)], ".jpg")
+    with (folder / "survey.toml").open("a") as file:
+        file.write('[cameras.video]\nimages = "video.csv"\n')
+    found = linework("extract", folder, "-o", tmp_path / "lines.gpkg", "--features", "lane_marking")
+    assert found.code == 0, found.stderr
+    assert found.stderr.count("no stereo pairs (only video in [cameras]), so no lines from images") == 1
+    import pyogrio
+
+    meta, _, _, values = pyogrio.raw.read(tmp_path / "lines.gpkg", layer="photolog")
+    table = dict(zip(meta["fields"], values, strict=True))
+    assert table["camera"].tolist() == ["video"] * 4
+    assert table["image"][0] == "video/000000.jpg"
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert any("no stereo pairs" in text for text in record["warnings"])

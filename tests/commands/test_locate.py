@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 
 import numpy as np
+import pyproj
 import pytest
+from tests.scenes import gnss_files as made
 
 from linework.files.trajectories.read import read_trajectory_content
 from linework.simulation.folder import write_logs
-from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, simulate_logs
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, GnssGrade, SensorGrades, simulate_logs
 from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 ORIGIN = (500_000.0, 5_400_000.0, 100.0)
@@ -95,3 +99,75 @@ def test_refuses_in_one_line(survey, linework, tmp_path):
     assert done.code == 3
     assert "neither a gyro nor the counts of two wheels" in done.line
     assert not (tmp_path / "u.csv").exists()
+
+
+def errors_of(path, drive):
+    """Return the horizontal errors of a trajectory [m]."""
+    poses = read_trajectory_content(path).trajectory
+    true = np.stack([np.interp(poses.time_s, drive.time_s, c) for c in drive.xyz.T], axis=1) + ORIGIN
+    return np.hypot(*(poses.xyz - true)[:, :2].T)
+
+
+@pytest.mark.parametrize("layout", ["degrees", "dms", "ecef", "baseline"])
+def test_a_rover_solved_with_rtklib_is_located_as_its_csv_is(survey, linework, tmp_path, layout):
+    """The fixes of the simulated rover as a .pos in each layout, in GPS time and UTC, calendar and week."""
+    folder, drive = survey
+    own = tmp_path / "survey"
+    shutil.copytree(folder, own)
+    fixes = np.loadtxt(own / "gnss.csv", delimiter=",", skiprows=1)
+    back = pyproj.Transformer.from_crs("EPSG:25832", "EPSG:4326", always_xy=True)
+    longitude, latitude = back.transform(fixes[:, 1], fixes[:, 2])
+    # A drive at the start of week 2316; UTC is 18 s behind
+    gps_s = 2316 * 604800.0 + fixes[:, 0]
+    moments = np.datetime64("1980-01-06") + np.round(1e3 * (gps_s - 18.0)).astype("timedelta64[ms]")
+    utc = [str(m).replace("-", "/").split("T") for m in moments]
+    times = utc if layout in ("dms", "baseline") else [("2316", f"{t:.3f}") for t in fixes[:, 0]]
+    places = np.column_stack([latitude, longitude, fixes[:, 3]])
+    base = (places[0, 0] + 0.01, places[0, 1], 90.0)
+    system = "UTC" if times is utc else "GPST"
+    (own / "rover.pos").write_text(made.pos(layout, times, places, fixes[:, 4:7], base=base, system=system))
+    text = (own / "survey.toml").read_text().replace("gnss.csv", "rover.pos")
+    # gyro and wheels count seconds of that week
+    text += '\n[heights]\ngeoid = 0.0\n[time]\nepoch = "gps_week"\nweek = 2316\n'
+    (own / "survey.toml").write_text(text)
+    done = linework("locate", own, "-o", tmp_path / "t.csv", "--rate-hz", 20, "--quiet")
+    assert done.code == 0, done.stderr
+    of_csv = linework("locate", folder, "-o", tmp_path / "csv.csv", "--rate-hz", 20, "--quiet")
+    assert of_csv.code == 0
+    found, expected = (read_trajectory_content(tmp_path / name).trajectory for name in ("t.csv", "csv.csv"))
+    assert len(found) == len(expected)
+    assert np.abs(found.xyz - expected.xyz).max() < 0.01
+    assert errors_of(tmp_path / "t.csv", drive).max() < 0.3
+    info = linework("info", own, "--quiet")
+    assert "rover.pos: " in info.stdout
+    assert ", 100% fixed" in info.stdout
+
+
+def test_a_base_takes_off_what_both_receivers_are_off_by(linework, tmp_path):
+    rng = np.random.default_rng(8)
+    drive = long_drive(URBAN, 240.0, rng)
+    grade = GnssGrade(white_m=0.1, wander_m=0.0, wander_s=1.0, rate_hz=5.0, outlier_share=0.0)
+    logs = simulate_logs(drive, SensorGrades(gnss=grade, gyro=GYROS[1]), rng, origin_m=ORIGIN)
+
+    def common(time_s):
+        return 1.5 * np.sin(np.asarray(time_s)[:, None] / 150.0 + [0.0, 1.0, 2.0])
+
+    time = np.arange(0.0, 240.0)
+    place = np.array([501_000.0, 5_401_000.0, 120.0])
+    base = np.column_stack([time, place + common(time) + 0.1 * rng.normal(size=(240, 3)), np.ones((240, 3))])
+    gnss = replace(
+        logs.gnss, xyz=logs.gnss.xyz + common(logs.gnss.time_s), sigma_m=np.ones((len(logs.gnss), 3))
+    )
+    (tmp_path / "s").mkdir()
+    text = 'crs = "EPSG:25832+7837"\n' + write_logs(replace(logs, gnss=gnss), tmp_path / "s")
+    head = (tmp_path / "s" / "gnss.csv").read_text().split("\n")[0]
+    np.savetxt(tmp_path / "s" / "base.csv", base, delimiter=",", fmt="%.4f", header=head, comments="")
+    errors = []
+    for keys in ("", '[gnss]\nbase = "base.csv"\nbase_m = [501000.0, 5401000.0, 120.0]\n'):
+        (tmp_path / "s" / "survey.toml").write_text(text + keys)
+        done = linework("locate", tmp_path / "s", "-o", tmp_path / "t.csv", "--json", "--overwrite")
+        assert done.code == 0, done.stderr
+        errors.append(np.sqrt(np.mean(errors_of(tmp_path / "t.csv", drive) ** 2)))
+    assert errors[0] > 5.0 * errors[1], errors
+    assert errors[1] < 0.25, errors
+    assert "differences to the base base.csv: approximate" in done.stderr

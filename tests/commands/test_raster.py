@@ -3,9 +3,11 @@
 import json
 
 import numpy as np
+import pyogrio
 import pytest
 import rasterio
 import typer
+from tests.scenes.stereo_folders import make_stereo_folder
 from typer.testing import CliRunner
 
 from linework.cli.commands.raster import raster
@@ -153,6 +155,10 @@ def test_a_folder_with_something_in_it_is_not_touched_and_a_second_run_gives_the
         (["--min-height-m", 2], UsageError, "is not below --max-height-m 1.2"),
         (["--cell-along-m", "auto"], InputError, "needs times"),
         (["--cell-m", 0.001], InputError, "the limit is"),
+        (["--peaks", "publishd"], UsageError, "Did you mean published?"),
+        (["--candidates", "lines.dxf"], UsageError, "cannot write candidate lines as '.dxf'"),
+        (["--threshold", "nan"], UsageError, "--threshold is nan, expected 0 to 10000 m"),
+        (["--pair", 3], InputError, "no stereo images"),
     ],
 )
 def test_what_cannot_be_drawn_is_said_and_leaves_nothing(survey, tmp_path, options, error, message):
@@ -160,3 +166,52 @@ def test_what_cannot_be_drawn_is_said_and_leaves_nothing(survey, tmp_path, optio
     assert isinstance(result.exception, error), result.output
     assert message in str(result.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("peaks", ["ours", "published"])
+def test_candidate_lines_have_their_place_in_the_radon_image(survey, tmp_path, peaks):
+    lines = tmp_path / "candidates.csv"
+    result = run(survey, "-o", tmp_path / "out", "--peaks", peaks, "--candidates", lines, "--quiet")
+    assert result.exception is None, result.output
+    names, strongest, *_ = (row.split(",") for row in lines.read_text().splitlines())
+    found = dict(zip(names, map(float, strongest), strict=True))
+    # The rail: 60 m from west to east
+    assert (found["rank"], found["theta_deg"]) == (1.0, pytest.approx(90.0, abs=0.5))
+    # A scan line every 0.25 m fills four of five cells, which may lie in two strips
+    assert 20.0 < found["strength_m"] <= 60.0
+
+
+def test_a_roof_over_the_rail_hides_it_from_the_maximum_image_only(tmp_path):
+    points = road_with_rail()
+    roof = points.xyz[points.xyz[:, 2] > 200.4] + np.array([0.0, 0.0, 5.0])
+    path = tmp_path / "roof.laz"
+    write_las(Points(np.concatenate([points.xyz, roof])), path, crs="EPSG:32632")
+    n_lines = {}
+    for peaks in ("ours", "published"):
+        lines = tmp_path / f"{peaks}.csv"
+        result = run(path, "-o", tmp_path / peaks, "--peaks", peaks, "--candidates", lines, "--quiet")
+        assert result.exception is None, result.output
+        n_lines[peaks] = len(lines.read_text().splitlines()) - 1
+    assert n_lines["ours"] >= 1
+    assert n_lines["published"] == 0
+
+
+def test_a_threshold_leaves_out_weaker_lines(survey, tmp_path):
+    lines = tmp_path / "candidates.gpkg"
+    result = run(survey, "-o", tmp_path / "out", "--threshold", 500, "--candidates", lines, "--quiet")
+    assert result.exception is None, result.output
+    assert len(pyogrio.read_dataframe(lines)) == 0
+
+
+def test_the_steps_on_a_stereo_pair_are_written(tmp_path):
+    folder = make_stereo_folder(tmp_path / "van")
+    result = run(folder, "-o", tmp_path / "steps", "--pair", 1, "--json", "--quiet")
+    assert result.exception is None, result.output
+    steps = ("grey", "median_minus_mean", "binary", "thinned", "chains")
+    expected = {f"{side}_{step}.png" for side in ("left", "right") for step in steps}
+    assert {path.name for path in (tmp_path / "steps").iterdir()} == {*expected, "chains.json"}
+    chains = json.loads((tmp_path / "steps" / "chains.json").read_text())
+    assert json.loads(result.output)["lines"] == {side: len(own) for side, own in chains.items()}
+    missing = run(folder, "-o", tmp_path / "none", "--pair", 999, "--quiet")
+    assert "no stereo pair 999 with a pose" in str(missing.exception)
+    assert not (tmp_path / "none").exists()

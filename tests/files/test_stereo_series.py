@@ -10,7 +10,7 @@ from tests.scenes.image_folders import camera_toml, picture, stereo_folder, writ
 from tests.scenes.places import REAL
 
 from linework.errors import ConfigError, InputError, LineworkError
-from linework.files.images.series import open_stereo
+from linework.files.images.series import open_stereo, rig_of
 from linework.files.survey.open import open_survey
 from linework.model.images import StereoSeries
 
@@ -124,11 +124,12 @@ def test_a_rounded_quaternion_is_normalised(tmp_path: Path) -> None:
     np.testing.assert_allclose(turned @ turned.T, np.eye(3), atol=1e-12)
 
 
-def test_one_camera_alone_is_refused(tmp_path: Path) -> None:
+def test_one_camera_alone_has_no_pairs(tmp_path: Path) -> None:
     folder = stereo_folder(tmp_path, TENTHS[:2])
     (folder / "survey.toml").write_text('crs = "local"\n' + camera_toml("left"))
+    assert open_stereo(open_survey([folder])) is None
     with pytest.raises(ConfigError, match=r"cameras\.right is missing"):
-        _open(folder)
+        rig_of({"left": {}}, folder)
 
 
 def test_a_camera_without_any_image_is_refused(tmp_path: Path) -> None:

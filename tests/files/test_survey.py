@@ -11,7 +11,7 @@ from tests.scenes.places import REAL
 
 from linework.crs import parse_crs
 from linework.errors import ConfigError, CrsError, InputError, UsageError
-from linework.files.images.series import open_stereo
+from linework.files.images.single import open_single_cameras
 from linework.files.las.write import write_las
 from linework.files.store.in_memory import check_trajectory_covers, read_survey_points
 from linework.files.survey.open import open_survey
@@ -354,7 +354,7 @@ def test_survey_toml_with_mistakes(described, old, new, words):
     path.write_text(TOML.replace(old, new))
     with pytest.raises(ConfigError) as caught:
         # What is wrong with the cameras is said when their images are wanted: it stops nothing else
-        open_stereo(open_survey([described]))
+        open_single_cameras(open_survey([described]))
     assert str(caught.value).startswith(f"{path}: ")
     assert words in str(caught.value)
     assert caught.value.advice

@@ -81,6 +81,7 @@ def test_every_public_name_is_there(blocked):
         ("simulate", "embreex", "simulate -o survey --no-images"),
         ("simulate", "embreex", "demo demo"),
         ("workbench", "fastapi", "serve points.laz"),
+        ("stereo", "opencv-python-headless", "live . -o new.gpkg"),
     ],
 )
 def test_what_needs_an_extra_says_so_in_one_line_before_any_work(core, folder, extra, package, command):

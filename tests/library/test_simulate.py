@@ -1,5 +1,8 @@
 """`simulate` from Python: what the command writes, opened; what cannot be simulated is refused before any work."""
 
+import json
+
+import numpy as np
 import pytest
 
 from linework.errors import OutputExistsError, UsageError
@@ -21,6 +24,27 @@ def test_the_survey_is_that_of_the_command_opened(linework, tmp_path):
     with pytest.raises(OutputExistsError, match=r"Choose another folder or give overwrite=True\.$"):
         simulate(tmp_path / "a", **SMALL)
     assert simulate(tmp_path / "a", **SMALL, overwrite=True) == survey
+
+
+def test_front_wheels_are_counted_and_located_as_rear_ones_are(linework, tmp_path):
+    made = simulate(tmp_path / "a", **SMALL, front_wheels=True)
+    assert made.settings["vehicle"]["axle"] == "front"
+    arguments = ("--road", "bends", "--seed", "2", "--length-m", "40", "--points-per-m", "800", "--no-images")
+    assert linework("simulate", "-o", tmp_path / "b", *arguments, "--front-wheels").code == 0
+    assert linework("simulate", "-o", tmp_path / "rear", *arguments).code == 0
+    same = [name for name in ("gnss.csv", "gyro.csv", "wheels.csv", "survey.toml") if
+            (tmp_path / "a" / name).read_bytes() == (tmp_path / "rear" / name).read_bytes()]  # fmt: skip
+    assert same == ["gnss.csv", "gyro.csv"]
+    assert (tmp_path / "a" / "wheels.csv").read_bytes() == (tmp_path / "b" / "wheels.csv").read_bytes()
+    front, rear = (read_wheels(tmp_path / name / "wheels.csv") for name in ("a", "rear"))
+    # Bends of 18 to 30 m: 0.5 to 1.4 % farther in front
+    assert 1.0005 < front / rear < 1.02
+
+
+def read_wheels(path):
+    """Return the counts of both wheels from the first row to the last."""
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    return np.sum(rows[-1, 1:] - rows[0, 1:])
 
 
 @pytest.mark.parametrize(
@@ -65,3 +89,21 @@ def test_what_cannot_be_simulated_is_refused_with_the_parameter(tmp_path, wrong,
         simulate(tmp_path / "a", **(SMALL | wrong))
     assert str(caught.value).startswith(line)
     assert not (tmp_path / "a").exists()
+
+
+def test_a_survey_after_a_paper(linework, tmp_path):
+    found = linework(
+        "simulate", "-o", tmp_path / "a", "--like", "radon-2002", "--length-m", 40, "--no-images", "--json"
+    )
+    assert found.code == 0, found.stderr
+    made = json.loads(found.stdout)
+    assert (made["like"], made["road"], made["scanner"]) == ("radon-2002", "motorway", "one")
+    same = simulate(
+        tmp_path / "b", road="motorway", scanner="one", points_per_m=2400.0, length_m=40.0, images=False
+    )
+    assert (tmp_path / "a" / "truth.gpkg").read_bytes() == (same.root / "truth.gpkg").read_bytes()
+    # What is given stands
+    other = simulate(tmp_path / "c", like="radon-2002", road="bends", length_m=40.0, images=False)
+    assert "bends" in other.name
+    with pytest.raises(UsageError, match=r"unknown paper 'radon-2003'. Did you mean radon-2002\?"):
+        simulate(tmp_path / "d", like="radon-2003")

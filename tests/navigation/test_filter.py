@@ -51,7 +51,9 @@ def test_derivatives_are_those_of_the_step():
     step = np.zeros(kernel.N_STEP)
     step[[kernel.DT, kernel.TURN_READ, kernel.LEFT_M, kernel.RIGHT_M]] = 0.4, 0.05, 4.1, 3.9
     step[[kernel.ANTENNA_AHEAD, kernel.ASIDE, kernel.PITCH_READ]] = 0.999, 0.025, 0.04
-    step[[kernel.SPEED_FREE, kernel.TURN_FREE, kernel.WHEELS_TURN]] = 1.0, 1.0, 1.0
+    step[[kernel.SPEED_FREE, kernel.TURN_FREE, kernel.WHEELS_TURN]] = 1.0, 1.0, 1.1
+    # As of front wheels: the derivatives by scales and turn are columns of their own
+    step[[kernel.LEFT_BY, kernel.RIGHT_BY, kernel.FAR_BY_TURN]] = 4.5, 4.3, -0.3
     step[kernel.WHEEL_TURN_VAR] = np.inf
     x, noise = 0.01 * rng.normal(size=kernel.N_STATES), some_noise().row()
     x[kernel.NAV_HEADING] = 0.7

@@ -48,11 +48,13 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("cable",), ("extract", "--features", "cable")),
         (("stereo",), ("extract", "--method", "stereo")),
         (("trajectory",), ("locate",)),
+        (("classes", "points"), ("classify", "--lines", "truth.gpkg")),
     ],
 )
 def test_the_table_holds_every_kernel_that_a_method_calls(drive, tmp_path, names, command):
     """What is missing was compiled when it was called, in silence: add the lines to `linework.kernels.called_with`."""
-    output = tmp_path / ("trajectory.csv" if command[0] == "locate" else "lines.gpkg")
+    output = tmp_path / {"locate": "trajectory.csv", "classify": "classified"}.get(command[0], "lines.gpkg")
+    command = [drive / word if word == "truth.gpkg" else word for word in command]
     work = () if command[0] == "locate" else ("--work", tmp_path / "work", "--workers", "1")
     arguments = [command[0], drive, "-o", output, *command[1:], *work, "--quiet"]
     noted = tmp_path / "called.txt"
@@ -72,7 +74,7 @@ def test_the_table_holds_every_kernel_that_a_method_calls(drive, tmp_path, names
 
 
 def test_there_is_a_group_for_every_kind():
-    assert set(COMPILED_FOR) == {*ALL_KINDS, "points", "columns", "stereo", "trajectory"}
+    assert set(COMPILED_FOR) == {*ALL_KINDS, "points", "columns", "stereo", "trajectory", "classes"}
     for group in _GROUP_OF.values():
         assert called_kernels([group])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,33 @@ def test_outages_are_bridged_to_a_thousandth_of_the_way(drive):
         gone = (driven.time_s > start) & (driven.time_s < end)
         way = np.sum(np.linalg.norm(np.diff(driven.xyz[gone], axis=0), axis=1))
         assert off[inside].max() <= 0.001 * way + 2.0 * sigma
+
+
+@pytest.fixture(scope="module")
+def turns():
+    """A drive of turns of 9 m, and its path by the rear wheels, the front wheels, and these taken for rear ones."""
+    driven = long_drive(
+        replace(URBAN, turn_share=1.0, stop_share=0.0, turn_m=(9.0, 9.0), leg_m=(20.0, 60.0)),
+        300.0,
+        np.random.default_rng(6),
+    )
+    located = []
+    for counts_front in (False, True):
+        grades = SensorGrades(gnss=GNSS_2_CM, gyro=GYROS[1], wheels=WHEELS, counts_front=counts_front)
+        logs = simulate_logs(driven, grades, np.random.default_rng(7), outages_s=OUTAGES)
+        located.append(locate_drive(logs, rate_hz=10.0))
+    return driven, *located, locate_drive(replace(logs, wheelbase_m=0.0), rate_hz=10.0)
+
+
+def test_front_wheels_bridge_turns_of_9_m_as_rear_wheels_do(turns):
+    driven, *located = turns
+    rear, front, mistaken = ([], [], [])
+    for errors, found in zip((rear, front, mistaken), located, strict=True):
+        off = np.hypot(*errors_of(driven, found.trajectory)[0][:, :2].T)
+        time = found.trajectory.time_s
+        errors += [off[(time > start) & (time < end)].max() for start, end in OUTAGES]
+    assert np.all(np.array(front) < 1.2 * np.array(rear) + 0.01)
+    assert np.all(np.array(mistaken) > 3.0 * np.array(rear))
 
 
 def test_sigmas_are_honest(drive):

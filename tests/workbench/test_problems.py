@@ -10,9 +10,9 @@ import pytest
 
 from linework import errors
 from linework.errors import InputError, LineworkError, MachineError, StaleError
-from linework.workbench.server.app import FAULT, create_app
+from linework.workbench.server.app import create_app
 from linework.workbench.server.guard import Guard
-from linework.workbench.server.problems import PROBLEMS, STATUS_OF, hide_paths, status_and_message
+from linework.workbench.server.problems import FAULT, PROBLEMS, STATUS_OF, hide_paths, status_and_message
 from linework.workbench.server.sessions import Sessions
 
 PORT = 4711

@@ -43,7 +43,9 @@ def test_serves_the_survey(served):
     assert survey["lines_file"] == "lines.gpkg"
     assert survey["who"]
     assert len(survey["path"]) > 10
-    assert {image["name"] for image in survey["images"]} == {"density", "height", "above_road", "intensity"}
+    images = {image["name"]: image["classes"] for image in survey["images"]}
+    assert set(images) == {"density", "height", "above_road", "intensity", "class"}
+    assert [name for name, classes in images.items() if classes] == ["class"]
     assert survey["tiles"]["resolutions"] == sorted(survey["tiles"]["resolutions"], reverse=True)
     kinds = {kind["kind"]: kind for kind in survey["kinds"]}
     assert kinds["road_boundary"]["colour"] == "#d55e00"

@@ -6,7 +6,9 @@ Kang, Lee and Lee follow the edge of the road through small search areas [1]_: i
 the road are its floor, and the edge of that floor is a piece of boundary, an oriented box. Boxes that collide when
 they are moved on are one line.
 
-.. [1] W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), `doi:10.3390/rs15194656 <https://doi.org/10.3390/rs15194656>`_.
+.. [1] Seokchan Kang, Jeongwon Lee, Jiyeong Lee (2023), Developing a Method to Automatically Extract Road Boundary and
+       Linear Road Markings from a Mobile Mapping System Point Cloud Using Oriented Bounding Box Collision-Detection
+       Techniques, Remote Sensing 15(19), 4656, `doi:10.3390/rs15194656 <https://doi.org/10.3390/rs15194656>`_.
 """
 
 import matplotlib.pyplot as plt

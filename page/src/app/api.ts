@@ -2,7 +2,7 @@
 
 import type {
   Changed, Edit, EditRecord, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair, PairLines, Place,
-  Problem, QueueItem, Survey,
+  Problem, QueueItem, SearchArea, Survey,
 } from "./documents";
 
 export class ProblemError extends Error {
@@ -48,6 +48,9 @@ export const history = () => getJson<EditRecord[]>("/api/history");
 export const queue = () => getJson<QueueItem[]>("/api/queue");
 export const heights = (kind: string, places: Place[]) =>
   sendJson<{ heights: (number | null)[] }>("POST", "/api/heights", { kind, places });
+
+export const searchArea = ([east, north]: Place) =>
+  getJson<SearchArea>(`/api/search-area?east=${east}&north=${north}`);
 
 export const tileUrl = (image: string, z: number, col: number, row: number) =>
   `/api/tiles/${image}/${z}/${col}/${row}`;

@@ -40,6 +40,13 @@ export interface Kind {
   picked_in_images: boolean; // can be followed in images
 }
 
+export interface SurveyImage {
+  name: string;
+  title: string;
+  unit: string;
+  classes: { title: string; colour: string }[]; // of an image in classes
+}
+
 export interface Survey {
   name: string;
   crs: string; // its name, as shown
@@ -54,10 +61,18 @@ export interface Survey {
   who: string;
   kinds: Kind[];
   choices: Record<"role" | "pattern" | "form" | "condition", string[]>;
-  images: { name: string; title: string; unit: string }[];
+  images: SurveyImage[];
   tiles: { tile_px: number; origin: Place; resolutions: number[] };
   revision: number;
   busy: string; // what the server is still doing; "" when ready
+}
+
+// What the search area about a place shows
+export interface SearchArea {
+  points: number;
+  upright_normals: number;
+  floor: number;
+  intensity?: { edges: number[]; counts: number[]; proposed: [number, number] | null; separation: number };
 }
 
 export interface Lines {

@@ -1,10 +1,12 @@
 // The card over the plan: the state of the line being followed, and what can be done next, with the keys for it.
 
+import { searchArea } from "../app/api";
 import type { App } from "../app/app";
 import { planLength } from "../app/geometry";
 import { element } from "../controls/element";
 import type { End, Growth } from "../app/following";
 import { keyButton } from "../controls/keyboard";
+import { searchAreaPanel } from "./search-area";
 
 export class GrowthCard {
   readonly element = element("div", { class: "growth-card", role: "status", "aria-live": "polite", hidden: true });
@@ -88,6 +90,17 @@ export class GrowthCard {
     const { reason = "", advice = "" } = growth.refusal ?? {};
     const suggestion = following.hasSuggestion() ? [keyButton("g", "Follow there instead", () => void following.followSuggestion(), { class: "main" })] : [];
     this.fill(reason, [advice], [...suggestion, keyButton("Escape", "Close", () => following.cancel())]);
+    if (growth.at !== null) void this.explain(growth);
+  }
+
+  // What the search area shows says more than the reason
+  private async explain(growth: Growth): Promise<void> {
+    if (growth.at === null) return;
+    const area = await searchArea(growth.at).catch(() => null);
+    const { state, at } = this.app.following.growth;
+    if (area === null || state !== "refused" || at !== growth.at) return;
+    this.element.querySelector(".search-area")?.remove();
+    this.element.querySelector(".buttons")?.before(searchAreaPanel(area));
   }
 
   private fill(title: string, lines: string[], buttons: HTMLElement[]): void {

@@ -1,5 +1,5 @@
-// The image under the lines, in tiles from the server - intensity, height, height above the road, density or none -
-// and the buttons that select it.
+// The image under the lines, in tiles from the server - intensity, height, height above the road, density, class or
+// none - and the buttons that select it.
 
 import TileLayer from "ol/layer/Tile";
 import type Projection from "ol/proj/Projection";
@@ -24,6 +24,11 @@ export class ImageLayer {
     this.layer.setSource(source);
   }
 
+  // Classes of points depend on the lines
+  linesChanged(): void {
+    for (const { name, classes } of this.survey.images) if (classes.length) this.sources.get(name)?.refresh();
+  }
+
   // Fetch the tiles again once all are rendered: some were shown while incomplete
   reload(): void {
     for (const source of this.sources.values()) source.refresh();
@@ -44,8 +49,16 @@ export class ImageLayer {
 
 export function imageSwitch(survey: Survey, show: (name: string) => void): HTMLElement {
   const row = element("div", { class: "image-switch", role: "group", "aria-label": "Background image" });
+  const classes = element("div", { class: "image-classes", hidden: true });
   const select = (name: string) => {
     show(name);
+    const shown = survey.images.find((image) => image.name === name)?.classes ?? [];
+    classes.replaceChildren(...shown.map(({ title, colour }) => {
+      const swatch = element("span", { class: "swatch" });
+      swatch.style.backgroundColor = colour;
+      return element("span", {}, swatch, title);
+    }));
+    classes.hidden = shown.length === 0;
     for (const each of row.querySelectorAll("button")) each.setAttribute("aria-pressed", String(each.dataset.image === name));
   };
   const imageButton = (name: string, title: string, unit: string) => element(
@@ -53,5 +66,5 @@ export function imageSwitch(survey: Survey, show: (name: string) => void): HTMLE
   );
   row.append(...survey.images.map(({ name, title, unit }) => imageButton(name, title, unit)), imageButton("", "None", ""));
   select(survey.images[0]?.name ?? "");
-  return row;
+  return element("div", { class: "image-choice" }, row, classes);
 }

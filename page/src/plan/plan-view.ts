@@ -39,6 +39,7 @@ export class PlanView implements Pane {
     this.map = planMap(this.target, app.survey);
     const image = new ImageLayer(app.survey, this.map.getView().getProjection());
     app.on("tiles", ({ done, total }) => done >= total && image.reload());
+    app.on("lines", () => image.linesChanged());
     const path = vehiclePath(app.survey.path);
     this.lines = new LineLayer(app);
     this.measuring = new Measuring(app);

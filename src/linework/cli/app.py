@@ -19,12 +19,14 @@ from typing import Annotated, TextIO
 import typer
 
 import linework
+from linework.cli.commands.classify import classify_command
 from linework.cli.commands.clean import clean
 from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
 from linework.cli.commands.demo import demo
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
+from linework.cli.commands.live import live
 from linework.cli.commands.locate import locate_command
 from linework.cli.commands.of_lines.compare import compare_command
 from linework.cli.commands.of_lines.convert import convert
@@ -54,6 +56,7 @@ for command in (
     info,
     locate_command,
     extract_command,
+    live,
     trace_command,
     serve,
     evaluate_command,
@@ -61,6 +64,7 @@ for command in (
     compare_command,
     publish_command,
     raster,
+    classify_command,
     photolog,
     convert,
     simulate_command,

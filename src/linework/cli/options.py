@@ -66,6 +66,12 @@ RunFile = Annotated[
         "--config", metavar="FILE", help="Run file (TOML) with settings; `linework config` prints one."
     ),
 ]
+SetValues = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="One setting, such as radon.cell_m=0.1; may be repeated."
+    ),
+]
 #: Options that are not named as the parameter is in Python.
 _OPTION_OF = {
     "kinds": "--features",
@@ -90,8 +96,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 Quiet = Annotated[bool, typer.Option("--quiet", help="Do not show progress.")]
 
 
-def read_settings(path: Path | None) -> RunSettings:
-    """Return the settings of a run file; settings it does not name keep their defaults.
+def read_settings(path: Path | None, assignments: list[str] | None = None) -> RunSettings:
+    """Return the settings of a run file and of `--set`; settings that neither names keep their defaults.
 
     Raises
     ------
@@ -99,8 +105,10 @@ def read_settings(path: Path | None) -> RunSettings:
         The file is not TOML, or a setting is unknown, of the wrong type or out of range.
     InputError
         The file cannot be read.
+    UsageError
+        An assignment is not NAME=VALUE.
     """
-    from linework.files.settings_file import read_settings_file
+    from linework.files.settings_file import settings_with
     from linework.runs.settings import RunSettings
 
-    return RunSettings() if path is None else read_settings_file(RunSettings, path)
+    return settings_with(RunSettings, path, assignments or ())

@@ -37,17 +37,26 @@ class EarthFrame:
         geoid grid file.
     root
         Folder for a relative path of the grid file.
+    base_deg
+        Position of the base station that baselines of a log start from: latitude, longitude [deg], height above the
+        ellipsoid [m]; None: as the log states it.
+    origin_deg
+        The same of the origin of a "local" frame; None: the first place.
     """
 
     crs: str
     geoid: str | float | None = None
     root: Path = Path()
+    base_deg: tuple[float, float, float] | None = None
+    origin_deg: tuple[float, float, float] | None = None
 
     @classmethod
     def of(cls, survey: Survey) -> EarthFrame:
         """Return the frame of a survey, from its CRS and the table [heights] of its survey.toml."""
         geoid = survey.settings.get("heights", {}).get("geoid")
-        return cls(crs=survey.crs, geoid=geoid, root=survey.root)
+        base = survey.settings.get("gnss", {}).get("base_deg")
+        base_deg = None if base is None else (float(base[0]), float(base[1]), float(base[2]))
+        return cls(crs=survey.crs, geoid=geoid, root=survey.root, base_deg=base_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +110,7 @@ def project_places(
             where=where, advice="latitude and longitude are degrees",
         )  # fmt: skip
     if frame.crs == LOCAL:
-        return _local_places(latitude_deg, longitude_deg, height_m)
+        return _local_places(latitude_deg, longitude_deg, height_m, frame.origin_deg)
     if frame.geoid is None and has_height(frame.crs):
         xyz, remarks = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
     else:
@@ -230,10 +239,14 @@ def convergence_deg(latitude_deg: FloatArray, longitude_deg: FloatArray, frame: 
 
 
 def _local_places(
-    latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray
+    latitude_deg: FloatArray,
+    longitude_deg: FloatArray,
+    height_m: FloatArray,
+    origin_deg: tuple[float, float, float] | None,
 ) -> ProjectedPlaces:
-    """Return positions in the tangent frame at the first of them."""
-    lat_0, lon_0, h_0 = float(latitude_deg[0]), float(longitude_deg[0]), float(height_m[0])
+    """Return positions in the tangent frame at an origin, the first of them where none is given."""
+    first = float(latitude_deg[0]), float(longitude_deg[0]), float(height_m[0])
+    lat_0, lon_0, h_0 = origin_deg or first
     tangent = pyproj.Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84"
         f" +step +proj=topocentric +ellps=WGS84 +lon_0={lon_0!r} +lat_0={lat_0!r} +h_0={h_0!r}"

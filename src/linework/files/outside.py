@@ -15,6 +15,7 @@ _NAMING = {
     "points": ("files",),
     "trajectory": ("file", "times"),
     "navigation": ("gnss", "gyro", "wheels"),
+    "gnss": ("base",),
     "events": ("file",),
 }
 _NAMING_OF_CAMERA = ("images", "times")

@@ -98,7 +98,7 @@ cells.regions.with_labels = paint boundaries rails cables points
     i4:2C b1:1C
 cells.surface.count_in_steps = paint boundaries rails cables points
     f4:2C f8 i8
-cells.surface.height_above = rails cables
+cells.surface.height_above = rails cables classes
     f8:2C f8 f8 f8 f8 f4:2C
     f8:2C! f8 f8 f8 f8 f4:2C
 cells.surface.lowest_layer = paint boundaries rails cables points
@@ -107,6 +107,21 @@ cells.surface.lowest_supported = paint boundaries rails cables points
     f8:2C! i8 i8 i8 i8 f8 f8 f8
 cells.surface.median_slopes = paint boundaries rails cables points
     f4:2C b1:2C f8 i8 i4:2C
+classes.near_lines.cells_of_pieces = classes
+    f8:2C f8:1C f8 f8 i8 i8
+classes.near_lines.in_sight = classes
+    f8:2C f8:2C classes.near_lines.NearLines(f8:2C,u1:1C,u1:1C,u4:1C,f8:1C,f8:1C,i4:1C,i4:1C,f8,f8,i8,i8)
+classes.paint.on_and_beside = classes
+    f8:2C! i8:1C classes.near_lines.NearLines(f8:2C,u1:1C,u1:1C,u4:1C,f8:1C,f8:1C,i4:1C,i4:1C,f8,f8,i8,i8)
+classes.points.give_classes = classes
+    f8:2C! f4:1C i8:1C classes.points.PlanCells(f4:2C,u1:2C,f8,f8,f8,f8) classes.near_lines.NearLines(f8:2C,u1:1C,u1:1C,u4:1C,f8:1C,f8:1C,i4:1C,i4:1C,f8,f8,i8,i8) classes.standing.Cubes(i4:1C,i4:1C,u1:1C,f8,f8,f8,i8,i8) u1:1C u4:1C
+    f8:2C f4:1C i8:1C classes.points.PlanCells(f4:2C,u1:2C,f8,f8,f8,f8) classes.near_lines.NearLines(f8:2C,u1:1C,u1:1C,u4:1C,f8:1C,f8:1C,i4:1C,i4:1C,f8,f8,i8,i8) classes.standing.Cubes(i4:1C,i4:1C,u1:1C,f8,f8,f8,i8,i8) u1:1C u4:1C
+classes.standing.cube_numbers = classes
+    f8:2C f8 f8 f8 i8 i8 i8
+classes.standing.cube_sums = classes
+    f8:2C i8:1C i8:1C f8 f8 f8 i8 i8
+classes.standing.labels_of_cubes = classes
+    classes.standing.Cubes(i4:1C,i4:1C,u1:1C,f8,f8,f8,i8,i8) f8:2C f4:2C f8
 images.fuse.fuse = pairs
     f8:2C i8:1C i8:1C (f8,f8,f8,i8) f8 (f8,f8)
 images.fuse.looked_at = pairs

@@ -27,15 +27,18 @@ from linework.arrays import FloatArray, IntArray
 N_STATES = 16
 E, N, U, NAV_HEADING, BIAS, GYRO_SCALE, LEFT, RIGHT, SPEED, NAV_TURN, PITCH, ROLL, DELAY, WANDER = range(14)
 
-#: Columns of a step from one node to the next: time [s], turn read [rad], distances of the wheels [m], end of the unit
-#: chord ahead and to the right, pitch read [rad], at rest, speed and turn free (0, 1; 2: begins), turns from the wheels,
-#: turn by the wheels' difference [rad] and its variance, variances of the body sideways and up [m2] and of the bias.
+#: Columns of a step from one node to the next: time [s], turn read [rad], distances of the rear wheels [m], end of the
+#: unit chord ahead and to the right, pitch read [rad], at rest, speed and turn free (0, 1; 2: begins), turns from the
+#: wheels (0; else their share in the scales' effect, 1 for rear wheels), turn by the wheels' difference [rad] and its
+#: variance, variances of the body sideways and up [m2] and of the bias; derivatives of the distances by the scales of
+#: the counted wheels [m], and of their mean by the turn [m/rad]: the distances themselves and 0 where the rear wheels
+#: are counted.
 (
     DT, TURN_READ, LEFT_M, RIGHT_M, ANTENNA_AHEAD, ASIDE, PITCH_READ, AT_REST, SPEED_FREE, TURN_FREE, WHEELS_TURN,
-    WHEEL_TURN, WHEEL_TURN_VAR, SIDE_VAR, UP_VAR, BIAS_VAR,
-) = range(16)  # fmt: skip
+    WHEEL_TURN, WHEEL_TURN_VAR, SIDE_VAR, UP_VAR, BIAS_VAR, LEFT_BY, RIGHT_BY, FAR_BY_TURN,
+) = range(19)  # fmt: skip
 #: Number of these columns.
-N_STEP = 16
+N_STEP = 19
 
 #: Columns of the noise model: see `linework.navigation.noise.NoiseModel.row`.
 (
@@ -76,7 +79,7 @@ def predict(
     x, p
         (16,) and (16, 16) at this node.
     step, noise
-        (16,) each.
+        (19,) and (16,).
     F
         (16, 16), written: derivative of the new state by the old one.
     """
@@ -89,8 +92,11 @@ def predict(
         # Turn and distance of the step, and the direction of its chord
         turn = (1.0 + x[GYRO_SCALE]) * step[TURN_READ] + (x[NAV_TURN] - x[BIAS]) * dt
         w = step[WHEELS_TURN] / noise[TRACK_M]
-        turn += w * (x[LEFT] * step[LEFT_M] - x[RIGHT] * step[RIGHT_M])
-        far = 0.5 * ((1.0 + x[LEFT]) * step[LEFT_M] + (1.0 + x[RIGHT]) * step[RIGHT_M]) + x[SPEED] * dt
+        turn += w * (x[LEFT] * step[LEFT_BY] - x[RIGHT] * step[RIGHT_BY])
+        far = 0.5 * ((1.0 + x[LEFT]) * step[LEFT_BY] + (1.0 + x[RIGHT]) * step[RIGHT_BY]) + x[SPEED] * dt
+        # Front wheels: a scale counts 1 / cos^2 of the steering angle, and a turn lengthens their path, not the axle's
+        far += 0.5 * ((step[LEFT_M] - step[LEFT_BY]) + (step[RIGHT_M] - step[RIGHT_BY]))
+        far += step[FAR_BY_TURN] * (turn - step[TURN_READ])
         h = x[NAV_HEADING] + 0.5 * (turn - step[TURN_READ])
         pitch = step[PITCH_READ] + x[PITCH]
         ahead_e = step[ANTENNA_AHEAD] * math.sin(h) + step[ASIDE] * math.cos(h)
@@ -103,9 +109,11 @@ def predict(
         # Derivatives of the turn, the distance, and the position through both
         turn_by = np.zeros(N_STATES)
         turn_by[GYRO_SCALE], turn_by[NAV_TURN], turn_by[BIAS] = step[TURN_READ], dt, -dt
-        turn_by[LEFT], turn_by[RIGHT] = w * step[LEFT_M], -w * step[RIGHT_M]
-        far_by = np.zeros(N_STATES)
-        far_by[LEFT], far_by[RIGHT], far_by[SPEED] = 0.5 * step[LEFT_M], 0.5 * step[RIGHT_M], dt
+        turn_by[LEFT], turn_by[RIGHT] = w * step[LEFT_BY], -w * step[RIGHT_BY]
+        far_by = step[FAR_BY_TURN] * turn_by
+        far_by[LEFT] += 0.5 * step[LEFT_BY]
+        far_by[RIGHT] += 0.5 * step[RIGHT_BY]
+        far_by[SPEED] += dt
         for i in range(N_STATES):
             by_h = 0.5 * turn_by[i] + (1.0 if i == NAV_HEADING else 0.0)
             by_p = 1.0 if i == PITCH else 0.0
@@ -241,7 +249,7 @@ def filter_forward(
     Parameters
     ----------
     x0, p0 : (16,), (16, 16) at the first node
-    steps : (n - 1, 16)
+    steps : (n - 1, 19)
     read : (n, 3) roll and pitch as read [rad], speed over seconds [m/s]
     fix_of : (n,) number of the fix at a node, -1: none
     fixes, sigma : (m, 3) [m]
@@ -281,7 +289,7 @@ def filter_forward(
             elif step[WHEEL_TURN_VAR] < math.inf:
                 # The difference of the wheels measures the turn, as the gyro does
                 h[BIAS], h[GYRO_SCALE], h[NAV_TURN] = -step[DT], step[TURN_READ], step[DT]
-                h[LEFT], h[RIGHT] = -step[LEFT_M] / noise[TRACK_M], step[RIGHT_M] / noise[TRACK_M]
+                h[LEFT], h[RIGHT] = -step[LEFT_BY] / noise[TRACK_M], step[RIGHT_BY] / noise[TRACK_M]
                 got = step[WHEEL_TURN] - step[TURN_READ] - h @ x
                 s = h @ p @ h + step[WHEEL_TURN_VAR]
                 excess = max(got * got / s / GATE_UP, 1.0)

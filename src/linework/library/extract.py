@@ -21,7 +21,7 @@ from linework.library.opened import (
 from linework.library.progress import Progress, display_of
 from linework.library.report import OnProblem, check_on_problem, lose_nothing, report_of
 from linework.methods.choose import selected_methods
-from linework.methods.kinds import check_method, parse_kinds
+from linework.methods.kinds import PUBLISHED_KINDS_OF, check_method, parse_kinds
 from linework.methods.obb.method import Obb
 from linework.methods.protocol import Method
 from linework.methods.radon.method import Radon
@@ -31,6 +31,7 @@ from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.processes.identity import identity_of
+from linework.published.methods import Obb2023, Radon2002, Stereo1992, published_method
 from linework.runs.extract import with_log
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
@@ -45,7 +46,10 @@ MOST_WORKERS = 256
 #: Names of linework's methods, or methods with own functions and settings.
 GivenMethods = str | Method | Sequence[str | Method] | None
 #: Methods that have a table of their own in the settings of a run, by its name.
-_SETTINGS: dict[str, type[Any]] = {"obb": Obb, "radon": Radon, "stereo": Stereo}
+_SETTINGS: dict[str, type[Any]] = {
+    "obb": Obb, "radon": Radon, "stereo": Stereo, "radon_2002": Radon2002, "obb_2023": Obb2023,
+    "stereo_1992": Stereo1992,
+}  # fmt: skip
 
 
 def extract(
@@ -201,15 +205,21 @@ def methods_asked(
             check_method(method, ())
     of_own = [kind for method in own if isinstance(method, Method) for kind in method.kinds]
     wanted = None if kinds is None else parse_kinds(kinds, own=of_own)
-    every: dict[str, Method] = {
+    ours: dict[str, Method] = {
         "obb": Obb(settings.obb),
         "radon": Radon(settings.radon),
         "stereo": Stereo(settings.stereo),
     }
+    published = {
+        name: published_method(
+            name, kinds_of, radon=settings.radon_2002, obb=settings.obb_2023, stereo=settings.stereo_1992
+        )
+        for name, kinds_of in PUBLISHED_KINDS_OF.items()
+    }
     named: list[Method] = []
     for method in given:
         if isinstance(method, str):
-            named += every.values() if method == "auto" else [every[method]]
+            named += ours.values() if method == "auto" else [(ours | published)[method]]
         else:
             named.append(_with_settings(method, settings))
     return selected_methods(named, wanted)

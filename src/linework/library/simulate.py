@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
-from linework.errors import check_extra
+from linework.errors import UsageError, argument, check_extra, did_you_mean
 from linework.files.output.locks import reserve_folder
 from linework.files.survey.open import open_survey
 from linework.library.progress import Progress, display_of
@@ -18,6 +20,44 @@ from linework.simulation.sensors.rigs import equipped
 from linework.simulation.simulate import SimulatedSurvey, survey_of
 
 
+@dataclass(frozen=True, slots=True)
+class RecordedLike:
+    """How the survey of a paper was recorded, as arguments of `simulate`."""
+
+    road: str
+    scanner: str
+    points_per_m: float
+    image_size: str
+    image_every_m: float
+    front_wheels: bool = False
+
+
+#: Surveys after the published papers. Radon: one scanner, lines about 20 cm apart, which the paper's cells are taken
+#: from; 480 points a line are a scanner of its day. Boxes: dense points of a van of today, kerbs and markings. Stereo:
+#: images of 732 x 484 pixels, as published; 5 pairs a second at 72 km/h; the front wheels are counted.
+LIKE = {
+    "radon-2002": RecordedLike("motorway", "one", 2400.0, "732x484", 4.0),
+    "obb-2023": RecordedLike("urban", "default", 10_000.0, "732x484", 4.0),
+    "stereo-1992": RecordedLike("straight", "default", 1000.0, "732x484", 4.0, front_wheels=True),
+}
+
+
+def recorded_like(paper: str) -> RecordedLike:
+    """Return how the survey of a paper was recorded.
+
+    Raises
+    ------
+    UsageError
+        No such paper; the nearest is named.
+    """
+    if paper not in LIKE:
+        raise UsageError(
+            f"unknown paper {paper!r}" + did_you_mean([str(paper)], LIKE), where=argument("like"),
+            advice=f"choose from {', '.join(LIKE)}",
+        )  # fmt: skip
+    return LIKE[paper]
+
+
 def simulate(
     folder: str | os.PathLike[str],
     *,
@@ -28,9 +68,11 @@ def simulate(
     scanner: str = "default",
     conditions: str = "usual",
     holes: bool = False,
+    front_wheels: bool = False,
     images: bool = True,
     image_size: str = "1240x376",
     image_every_m: float = 3.0,
+    like: str = "",
     overwrite: bool = False,
     progress: Progress = None,
 ) -> Survey:
@@ -63,12 +105,17 @@ def simulate(
         to 40 mm, intensities with offset, saturation and gain steps, mirrored points and rain.
     holes
         True: stretches of 10 to 60 m have no points, which cut the road in pieces as long as these.
+    front_wheels
+        True: the two front wheels are counted, not the rear ones.
     images
         False: no stereo images, which take minutes.
     image_size
         "732x484" (van roof) or "1240x376" (car).
     image_every_m
         Approximate distance between stereo pairs. [m]
+    like
+        "radon-2002", "obb-2023" or "stereo-1992": road, scanner, density and images as in that paper (`LIKE`), where
+        the other arguments have their defaults.
     overwrite
         Replace what is in the folder.
     progress
@@ -93,7 +140,8 @@ def simulate(
     with display_of(progress) as display:
         simulate_to(
             Path(folder), RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            scanner=scanner, conditions=conditions, holes=holes, images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, holes=holes, front_wheels=front_wheels,
+            images=images, image_size=image_size, image_every_m=image_every_m, like=like, overwrite=overwrite,
         )  # fmt: skip
         return open_survey(folder)
 
@@ -109,13 +157,26 @@ def simulate_to(
     scanner: str,
     conditions: str,
     holes: bool,
+    front_wheels: bool,
     images: bool,
     image_size: str,
     image_every_m: float,
+    like: str,
     overwrite: bool,
 ) -> tuple[SimulatedSurvey, int]:
     """Write a simulated survey as `simulate` does; return it and its number of stereo pairs."""
     check_extra("simulate")
+    if like:
+        paper = recorded_like(like)
+        usual = inspect.signature(simulate).parameters
+        road = paper.road if road == usual["road"].default else road
+        scanner = paper.scanner if scanner == usual["scanner"].default else scanner
+        front_wheels = front_wheels or paper.front_wheels
+        points_per_m = paper.points_per_m if points_per_m is None else points_per_m
+        image_size = paper.image_size if image_size == usual["image_size"].default else image_size
+        image_every_m = (
+            paper.image_every_m if image_every_m == usual["image_every_m"].default else image_every_m
+        )
     with reserve_folder(folder, overwrite=overwrite):
         scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
         scenario = equipped(
@@ -129,5 +190,12 @@ def simulate_to(
         with steps.step(
             "render images" if cameras else "write the survey", unit="pairs" if cameras else ""
         ) as advance:
-            write_survey_folder(survey, folder, overwrite=overwrite, cameras=cameras, advance=advance)
+            write_survey_folder(
+                survey,
+                folder,
+                overwrite=overwrite,
+                cameras=cameras,
+                counts_front=front_wheels,
+                advance=advance,
+            )
     return survey, len(cameras) if cameras else 0

@@ -22,10 +22,16 @@ from linework.library.progress import Progress, display_of
 from linework.library.report import OnProblem, check_on_problem, lose_nothing, report_of_recordings
 from linework.model.lines import LineSet
 from linework.processes.executors import Serial
-from linework.runs.opened.points import surface_of
+from linework.runs.opened.points import OpenedSurvey, surface_of
 from linework.runs.opened.recordings import Recordings
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
+from linework.tracing.as_published import (
+    SearchAreaFound,
+    check_trace_method,
+    explain_search_area,
+    follow_as_published,
+)
 from linework.tracing.in_images import ImageTracer, TracedEdge
 from linework.tracing.trace import PICKED_KINDS, TracedLine, Tracer, check_pick_kind
 
@@ -39,6 +45,7 @@ def trace(
     kind: str | None = None,
     toward: Sequence[float] | None = None,
     image: str | Path | None = None,
+    method: str = "auto",
     crs: Any = None,
     trajectory: GivenTrajectory = None,
     allow_outside: bool = False,
@@ -62,6 +69,8 @@ def trace(
     image
         An image of the survey, or the end of its path, such as "left/000123.png": an edge is followed in the stereo
         pairs (He and Novak 1992) instead of the points.
+    method
+        "auto", or "obb-2023": lane markings and road boundaries as published, with the settings ``obb_2023``.
     crs, trajectory, allow_outside, settings, work, progress, on_problem
         As for `extract`.
 
@@ -86,8 +95,11 @@ def trace(
         raise UsageError("only valid in laser points", where=argument("toward"), advice="omit it")
     chosen = settings_given(settings)
     check_on_problem(on_problem)
+    check_trace_method(method)
     if image is None:
         check_pick_kind(kind or "")
+    elif method != "auto":
+        raise UsageError("only valid in laser points", where=argument("method"), advice="omit it")
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(display_of(progress)))
         folder = held.enter_context(temporary_work(work))
@@ -103,7 +115,7 @@ def trace(
             found = traced_edge(recordings, Path(image), place, kind=kind or "", steps=steps)
         else:
             found = traced_line(
-                recordings, place, kind=kind or "", toward=target, settings=chosen, steps=steps
+                recordings, place, kind=kind or "", toward=target, settings=chosen, steps=steps, method=method
             )
     report = report_of_recordings(recordings, found.lines, [found.kind], steps.timings_s)
     return lose_nothing(found.lines, report, on_problem)
@@ -124,14 +136,28 @@ def traced_line(
     toward: tuple[float, float] | None,
     settings: RunSettings,
     steps: RunSteps,
+    method: str = "auto",
 ) -> TracedLine:
     """Return the line at a place (east, north) [m, world] in the points of a survey, as `Tracer.trace` does."""
-    opened = recordings.points
-    if opened is None:
-        raise InputError("no laser points in this survey", where=recordings.survey.name)
+    opened = _points_of(recordings)
+    if method == "obb-2023":
+        with steps.step("trace line"):
+            return follow_as_published(opened, at, kind=kind, toward=toward, config=settings.obb_2023)
     surface = surface_of(opened, settings.road, Serial(), steps)
     with steps.step("trace line"):
         return _drained(Tracer(opened, surface, settings).trace(at, kind=kind, toward=toward))
+
+
+def search_area_at(recordings: Recordings, at: tuple[float, float], settings: RunSettings) -> SearchAreaFound:
+    """Return what the search area about a place (east, north) [m, world] shows."""
+    return explain_search_area(_points_of(recordings).points, at, settings.obb_2023)
+
+
+def _points_of(recordings: Recordings) -> OpenedSurvey:
+    """Return the opened points of a survey; one without points is refused."""
+    if recordings.points is None:
+        raise InputError("no laser points in this survey", where=recordings.survey.name)
+    return recordings.points
 
 
 def traced_edge(

@@ -109,8 +109,8 @@ def selected_methods(
             continue
         if isinstance(method, Radon) and not is_own(method):
             chosen += replace(method, kinds=own).parts
-        elif isinstance(method, Obb | Stereo) and not is_own(method):
-            chosen.append(replace(method, kinds=own))
+        elif not is_own(method):
+            chosen.append(replace(method, kinds=own))  # type: ignore[type-var]
         else:
             chosen.append(method)
     _check_found_once(chosen)

@@ -13,8 +13,17 @@ KINDS_OF = {
     "radon": ("guardrail", "barrier", "cable"),
     "stereo": ("lane_marking", "lane_marking_dash"),
 }
+#: Kinds that the methods find that are as their papers describe them; they are only used when they are named.
+PUBLISHED_KINDS_OF = {
+    "radon-2002": ("guardrail",),
+    "obb-2023": ("lane_marking", "road_boundary"),
+    "stereo-1992": ("lane_marking",),
+}
 #: Recordings that each method looks at, as its `Method.recording`.
-RECORDING_OF = {"obb": "points", "radon": "points", "stereo": "pairs"}
+RECORDING_OF = {
+    "obb": "points", "radon": "points", "stereo": "pairs",
+    "obb-2023": "points", "radon-2002": "points", "stereo-1992": "pairs",
+}  # fmt: skip
 #: All kinds that can be asked for, in their fixed order.
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
 
@@ -82,7 +91,7 @@ def kinds_of_method(method: str) -> tuple[str, ...]:
     >>> kinds_of_method("radon")
     ('guardrail', 'barrier', 'cable')
     """
-    return KINDS_OF.get(method, ALL_KINDS)
+    return {**KINDS_OF, **PUBLISHED_KINDS_OF}.get(method, ALL_KINDS)
 
 
 def check_method(method: str, kinds: tuple[str, ...]) -> None:
@@ -98,10 +107,11 @@ def check_method(method: str, kinds: tuple[str, ...]) -> None:
     UsageError
         The message lists the methods that can be chosen.
     """
-    if method not in ("auto", *KINDS_OF):
-        problem = f"unknown method {method}" + did_you_mean([str(method)], ("auto", *KINDS_OF))
-        raise UsageError(problem, where=argument("methods"), advice=f"choose auto or {', '.join(KINDS_OF)}")
-    candidates = KINDS_OF if method == "auto" else {method: KINDS_OF[method]}
+    named = {**KINDS_OF, **PUBLISHED_KINDS_OF}
+    if method not in ("auto", *named):
+        problem = f"unknown method {method}" + did_you_mean([str(method)], ("auto", *named))
+        raise UsageError(problem, where=argument("methods"), advice=f"choose auto or {', '.join(named)}")
+    candidates = KINDS_OF if method == "auto" else {method: named[method]}
     missing = [kind for kind in kinds if not any(kind in found for found in candidates.values())]
     if missing:
         raise UsageError(

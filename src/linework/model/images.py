@@ -53,6 +53,31 @@ class StereoSeries:
     left_out: tuple[tuple[Path, str], ...] = ()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SingleCamera:
+    """Images of a camera that are in no pair: for the photolog.
+
+    Parameters
+    ----------
+    name
+        "video", "left" or "right", as in [cameras].
+    files
+        Its images in time order.
+    time_s
+        (n,) float64 times of exposure on the survey's clock. [s]
+    position_m
+        (3,) projection centre in the vehicle frame; the vehicle's origin where it is not known. [m]
+    warnings
+        One line each about images left out.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    time_s: FloatArray
+    position_m: FloatArray
+    warnings: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class RectifiedPair:
     """Two grey images whose rows are epipolar lines.

@@ -16,6 +16,11 @@ def _check_times(name: str, time_s: FloatArray) -> None:
         raise ValueError(f"{name}: times must be strictly increasing")
 
 
+#: Kinds of fixes, in the order of RTKLIB's quality flag Q: carrier phases with whole and with float ambiguities,
+#: corrections by satellite, by a base, none, precise point positioning; "estimated" is not measured.
+FIX_QUALITIES = ("unknown", "fixed", "float", "sbas", "differential", "single", "ppp", "estimated")
+
+
 @dataclass(frozen=True, slots=True)
 class GnssLog(Columns):
     """Fixes of the antenna.
@@ -28,11 +33,14 @@ class GnssLog(Columns):
         (n, 3) float64 [m, world].
     sigma_m
         (n, 3) float64 [m]: east, north, up, as the receiver states them.
+    quality
+        (n,) int64: kind of each fix, a position in ``FIX_QUALITIES``; None where the log does not state it.
     """
 
     time_s: FloatArray = column()
     xyz: FloatArray = column(np.float64, 3)
     sigma_m: FloatArray = column(np.float64, 3)
+    quality: AnyArray | None = optional_column(np.int64)
 
     def __post_init__(self) -> None:
         Columns.__post_init__(self)
@@ -97,6 +105,9 @@ class NavigationLogs:
         Nominal travel of one wheel count. [m]
     track_m
         Between the two counted wheels. [m]
+    wheelbase_m
+        From the rear axle to the counted wheels, where these are the two front wheels [m]; 0: the rear wheels are
+        counted.
     gnss_lever_m
         Antenna in the vehicle frame. [m]
     """
@@ -106,6 +117,7 @@ class NavigationLogs:
     wheels: WheelLog | None = None
     tick_m: float = 0.02
     track_m: float = 1.5
+    wheelbase_m: float = 0.0
     gnss_lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -133,20 +145,25 @@ class LoggedPlaces(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Photos:
-    """Stereo pairs and their places: the projection centre of the left camera.
+    """Images and their places, in time order: stereo pairs, and images of cameras without a partner.
 
     Parameters
     ----------
+    places
+        Projection centres; of a pair that of the left camera.
     number
-        (n,) int64: of each pair (`ImagePair.number`).
+        (n,) int64: of each pair (`ImagePair.number`), or of each image of a camera, from 0.
     left, right
-        The files.
+        The files of the pairs; of a camera without a partner its image, and None.
+    camera
+        The camera without a partner that took each, "" for a pair.
     """
 
     places: LoggedPlaces = field(default_factory=LoggedPlaces.empty)
     number: AnyArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     left: tuple[Path, ...] = ()
-    right: tuple[Path, ...] = ()
+    right: tuple[Path | None, ...] = ()
+    camera: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.places)
@@ -154,11 +171,18 @@ class Photos:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Events:
-    """Keys that the operator pressed, with a note, and the vehicle's position then."""
+    """Keys that the operator pressed, with a note, and the vehicle's position then.
+
+    Parameters
+    ----------
+    span
+        "begin" and "end" of the presses that begin and end a stretch, "" of others; empty where no press does.
+    """
 
     places: LoggedPlaces = field(default_factory=LoggedPlaces.empty)
     key: tuple[str, ...] = ()
     note: tuple[str, ...] = ()
+    span: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.places)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,3 +47,7 @@ class Sightings(Columns):
     width_m: FloatArray = filled_column(np.float64, np.nan)
     contrast: FloatArray = filled_column(np.float64, np.nan)
     score: FloatArray = filled_column(np.float64, 1.0)
+
+    def with_pair(self, number: int) -> Sightings:
+        """Return the sightings as those of another pair."""
+        return replace(self, pair=np.full(len(self), number, dtype=np.int64))

@@ -66,6 +66,22 @@ class Survey:
         parts += [table for table in ("cameras", "navigation") if table in self.settings]
         return printable(f"Survey({', '.join(parts)}, crs {describe_crs(self.crs)}, in {self.root})")
 
+    @property
+    def single_cameras(self) -> tuple[str, ...]:
+        """Names of the cameras whose images are in no pair: "video", and "left" or "right" without the other."""
+        cameras = self.settings.get("cameras")
+        if not isinstance(cameras, Mapping):
+            return ()
+        is_pair = "left" in cameras and "right" in cameras
+        names = ("video",) if is_pair else ("left", "right", "video")
+        return tuple(name for name in names if name in cameras)
+
+    @property
+    def has_pairs(self) -> bool:
+        """Whether stereo pairs are to be made of its images; also where a mistake in [cameras] is to be reported."""
+        cameras = self.settings.get("cameras")
+        return bool(cameras) and set(cameras) != set(self.single_cameras)  # type: ignore[arg-type]
+
     def with_trajectory(self, path: Path) -> Survey:
         """Return the survey with another trajectory file, which is of the vehicle's origin.
 

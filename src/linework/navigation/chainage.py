@@ -34,16 +34,34 @@ def chainage_m(trajectory: Trajectory) -> FloatArray:
     >>> chainage_m(Trajectory(np.arange(6.0), np.stack([x, 0 * x, 0 * x], axis=1))).round(2).tolist()
     [0.0, 3.0, 3.02, 3.02, 3.02, 6.0]
     """
-    driven = np.zeros(len(trajectory))
-    if len(trajectory) == 0:
-        return driven
-    clicked, (east, north) = 0.0, trajectory.xyz[0, :2].tolist()
-    for i, (x, y) in enumerate(trajectory.xyz[:, :2].tolist()):
-        away = math.hypot(x - east, y - north)
-        driven[i] = clicked + away
+    odometer = Odometer()
+    return np.array([odometer.advance(x, y) for x, y in trajectory.xyz[:, :2].tolist()])
+
+
+class Odometer:
+    """The distance driven in plan, place after place; see `chainage_m`.
+
+    Parameters
+    ----------
+    start_m
+        Reading at the first place. [m]
+    at
+        East and north of the first place [m]; None: that of the first call.
+    """
+
+    def __init__(self, start_m: float = 0.0, at: tuple[float, float] | None = None) -> None:
+        self._clicked_m, self._driven_m = start_m, start_m
+        self._at = (math.nan, math.nan) if at is None else at
+
+    def advance(self, east: float, north: float) -> float:
+        """Return the distance driven up to the next place [m], never less than before."""
+        if math.isnan(self._at[0]):
+            self._at = east, north
+        away = math.hypot(east - self._at[0], north - self._at[1])
+        self._driven_m = max(self._driven_m, self._clicked_m + away)
         if away >= _STEP_M:
-            clicked, east, north = driven[i], x, y
-    return np.maximum.accumulate(driven)
+            self._clicked_m, self._at = self._clicked_m + away, (east, north)
+        return self._driven_m
 
 
 def is_placed(trajectory: Trajectory, time_s: FloatArray) -> BoolArray:

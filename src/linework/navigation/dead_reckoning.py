@@ -8,6 +8,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.kernels import navigation as kernel
+from linework.navigation.front_wheels import rear_steps, turn_by_scale
 
 #: Longest step of the integration; a van turns by less than 2 degrees in it. [s]
 _GRID_S = 0.05
@@ -47,6 +48,8 @@ class Motion:
         The two wheels are counted separately.
     tick_m, track_m
         Travel per count, 0 without counts, and distance of the wheels. [m]
+    wheelbase_m
+        From the rear axle to the wheels of `way_m`, where these are the front wheels; 0: they are the rear wheels. [m]
     """
 
     turn_time_s: FloatArray
@@ -61,6 +64,7 @@ class Motion:
     wheels_apart: bool = True
     tick_m: float = 0.0
     track_m: float = 1.5
+    wheelbase_m: float = 0.0
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -96,7 +100,9 @@ class DeadReckoning:
     heading_rad
         (n,) clockwise. [rad]
     way_m
-        (n, 2) distances of the left and the right wheel. [m]
+        (n, 2) distances of the left and the right rear wheel. [m]
+    by_scale_m
+        (n, 2) their derivatives by the scales of the counted wheels: the same where these are the rear wheels. [m]
     xy
         (n, 2) y along the initial heading, x to the right of it. [m]
     rise_m
@@ -106,6 +112,7 @@ class DeadReckoning:
     time_s: FloatArray
     heading_rad: FloatArray
     way_m: FloatArray
+    by_scale_m: FloatArray
     xy: FloatArray
     rise_m: FloatArray
 
@@ -117,8 +124,8 @@ class DeadReckoning:
             return np.stack([np.interp(time_s, self.time_s, c) for c in columns], axis=1)
 
         return DeadReckoning(
-            time_s, between(self.heading_rad)[:, 0], between(self.way_m), between(self.xy),
-            between(self.rise_m)[:, 0],
+            time_s, between(self.heading_rad)[:, 0], between(self.way_m), between(self.by_scale_m),
+            between(self.xy), between(self.rise_m)[:, 0],
         )  # fmt: skip
 
 
@@ -137,13 +144,19 @@ def reckon(motion: Motion, also_s: FloatArray) -> DeadReckoning:
     rate = np.interp(time, motion.turn_time_s, motion.turn_radps)
     heading = _integral(time, rate)
     way = np.stack([np.interp(time, motion.way_time_s, column) for column in motion.way_m.T], axis=1)
+    by_scale = way
+    if motion.wheelbase_m:
+        # Front wheels: what the rear ones travel meanwhile
+        rear, change = rear_steps(np.diff(way, axis=0), np.diff(heading), motion.wheelbase_m)
+        by_scale = np.concatenate([way[:1], way[0] + np.cumsum(change, axis=0)])
+        way = np.concatenate([way[:1], way[0] + np.cumsum(rear, axis=0)])
     step = np.diff(way.mean(axis=1))
     middle = 0.5 * (heading[1:] + heading[:-1])
     pitch = np.interp(0.5 * (time[1:] + time[:-1]), motion.turn_time_s, motion.tilt_rad[:, 1])
     xy = np.zeros((len(time), 2))
     xy[1:] = np.cumsum(step[:, None] * np.stack([np.sin(middle), np.cos(middle)], axis=1), axis=0)
     rise = np.concatenate([[0.0], np.cumsum(step * np.sin(pitch))])
-    return DeadReckoning(time, heading, way, xy, rise)
+    return DeadReckoning(time, heading, way, by_scale, xy, rise)
 
 
 def _integral(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -152,7 +165,7 @@ def _integral(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def steps_between(motion: Motion, reckoned: DeadReckoning, nodes_s: FloatArray) -> FloatArray:
-    """Return the steps between nodes (n,) [s] as input of the kernels, (n - 1, 16)."""
+    """Return the steps between nodes (n,) [s] as input of the kernels, (n - 1, 19)."""
     at = reckoned.at(nodes_s)
     first, last = nodes_s[:-1], nodes_s[1:]
     dt, turn, way = np.diff(nodes_s), np.diff(at.heading_rad), np.diff(at.way_m, axis=0)
@@ -160,6 +173,9 @@ def steps_between(motion: Motion, reckoned: DeadReckoning, nodes_s: FloatArray) 
     steps = np.zeros((len(dt), kernel.N_STEP))
     steps[:, kernel.DT], steps[:, kernel.TURN_READ] = dt, turn
     steps[:, kernel.LEFT_M], steps[:, kernel.RIGHT_M] = way.T
+    by_scale = np.diff(at.by_scale_m, axis=0)
+    steps[:, kernel.LEFT_BY], steps[:, kernel.RIGHT_BY] = by_scale.T
+    steps[:, kernel.FAR_BY_TURN], by_wheels = turn_by_scale(far, turn, motion.wheelbase_m)
     steps[:, kernel.ANTENNA_AHEAD], steps[:, kernel.ASIDE] = _chords(at, far, turn)
     sine = np.divide(np.diff(at.rise_m), far, out=np.full(len(far), np.nan), where=np.abs(far) > 0.01)
     pitch = np.interp(0.5 * (first + last), motion.turn_time_s, motion.tilt_rad[:, 1])
@@ -169,7 +185,7 @@ def steps_between(motion: Motion, reckoned: DeadReckoning, nodes_s: FloatArray) 
         free = _touched(first, last, spans).astype(np.float64)
         steps[:, column] = free + (np.diff(free, prepend=0.0) > 0.0)
     steps[steps[:, kernel.SPEED_FREE] > 0.0, kernel.AT_REST] = 0.0
-    steps[:, kernel.WHEELS_TURN] = motion.wheels_turn
+    steps[:, kernel.WHEELS_TURN] = motion.wheels_turn * by_wheels
     _compare_wheels(steps, motion, way, turn)
     _allow_for_springs(steps, far, turn, dt)
     return steps
@@ -188,10 +204,13 @@ def _chords(at: DeadReckoning, far: FloatArray, turn: FloatArray) -> tuple[Float
 
 
 def _compare_wheels(steps: FloatArray, motion: Motion, way: FloatArray, turn: FloatArray) -> None:
-    """Set the turn by the difference of the wheels, and its variance, in the steps (n, 16)."""
+    """Set the turn by the difference of the wheels, and its variance, in the steps (n, 19)."""
     difference = (way[:, 0] - way[:, 1]) / motion.track_m
     # Two counts off by a tick at either end; slip of the tyres; uncertainty of the track
     var = 4.0 * motion.tick_m**2 / 12.0 / motion.track_m**2
+    # A front wheel's error is 1 / cos of the steering angle as large in the distance of the rear wheel
+    far, by_scale = way.mean(axis=1), 0.5 * (steps[:, kernel.LEFT_BY] + steps[:, kernel.RIGHT_BY])
+    var = var * np.divide(by_scale, far, out=np.ones(len(far)), where=far != 0.0)
     var = var + (_SLIP_M / motion.track_m) ** 2 * np.abs(way.mean(axis=1)) + (_TRACK_SHARE * turn) ** 2
     usable = motion.wheels_apart and not motion.wheels_turn
     steps[:, kernel.WHEEL_TURN] = difference
@@ -200,7 +219,7 @@ def _compare_wheels(steps: FloatArray, motion: Motion, way: FloatArray, turn: Fl
 
 
 def _allow_for_springs(steps: FloatArray, far: FloatArray, turn: FloatArray, dt: FloatArray) -> None:
-    """Set the variances of movements of the body off its axis, in the steps (n, 16).
+    """Set the variances of movements of the body off its axis, in the steps (n, 19).
 
     Tyres slip sideways by about 0.1 degree per m/s^2, bodies squat by 0.2 degrees per m/s^2 and sway by 0.1
     (R. N. Jazar, Vehicle Dynamics, 2nd ed., 10.3 and 14.2), for about a second.

@@ -27,7 +27,7 @@ class FilterProblem:
     time_s
         (n,) times of the nodes. [s]
     steps
-        (n - 1, 16); see `linework.kernels.navigation`.
+        (n - 1, 19); see `linework.kernels.navigation`.
     read
         (n, 3) roll and pitch as read [rad], speed over two seconds [m/s].
     fix_of
@@ -115,7 +115,11 @@ def _filled(times: FloatArray, step_s: float) -> FloatArray:
 
 
 def filter_states(
-    problem: FilterProblem, noise: NoiseModel, doubt: FloatArray | None = None
+    problem: FilterProblem,
+    noise: NoiseModel,
+    doubt: FloatArray | None = None,
+    *,
+    p0: FloatArray | None = None,
 ) -> FilterEstimate:
     """Filter forward: the estimate at each moment from the past alone.
 
@@ -123,6 +127,8 @@ def filter_states(
     ----------
     doubt
         (m, 2) variance added to each fix in plan and in height [m2]; None: by its own innovation.
+    p0
+        (16, 16) covariance at the first node, where the filter continues an earlier one; None: by `sigma0`.
     """
     if doubt is None:
         doubt = np.full((len(problem.fixes), 2), np.nan)
@@ -131,7 +137,7 @@ def filter_states(
         sigma0[kernel.SPEED] = noise.speed_mps
     sigma0[kernel.PITCH] = sigma0[kernel.ROLL] = noise.tilt_rad
     x, p, innovation, spread, added, likelihood = kernel.filter_forward(
-        problem.x0, np.diag(sigma0**2), problem.steps, problem.read, problem.fix_of, problem.fixes,
+        problem.x0, np.diag(sigma0**2) if p0 is None else p0, problem.steps, problem.read, problem.fix_of, problem.fixes,
         problem.sigma_m, doubt, problem.lever_m, noise.row(),
     )  # fmt: skip
     return FilterEstimate(x, p, innovation, spread, added, float(likelihood), np.zeros(0))

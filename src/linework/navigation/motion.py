@@ -14,6 +14,7 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs
 from linework.navigation.dead_reckoning import Motion
+from linework.navigation.front_wheels import turns_of_wheels
 from linework.navigation.wheels import WheelTravel, spans_of, valid_wheel_travel
 
 #: Time to either side over which the speed of fixes is taken. [s]
@@ -52,7 +53,7 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, TurnRates | None, tuple[str
     ways = (
         _ways_of_fixes(logs.gnss)
         if wheels is None
-        else valid_wheel_travel(wheels, logs.tick_m, logs.track_m, heading)
+        else valid_wheel_travel(wheels, logs.tick_m, logs.track_m, heading, wheelbase_m=logs.wheelbase_m)
     )
     ways = _really_standing(ways, logs.gnss)
     motion = _with_ways(ways, logs)
@@ -127,13 +128,14 @@ def _with_ways(ways: WheelTravel, logs: NavigationLogs) -> Motion:
         turn_time_s=np.zeros(0), turn_radps=np.zeros(0), tilt_rad=_NONE, no_turn=_NONE,
         way_time_s=ways.time_s, way_m=ways.way_m, no_way=ways.no_way, at_rest=ways.at_rest,
         wheels_apart=ways.apart, tick_m=logs.tick_m if has_ticks else 0.0, track_m=logs.track_m,
+        wheelbase_m=0.0 if logs.wheels is None else logs.wheelbase_m,
     )  # fmt: skip
 
 
 def _turned_by_wheels(motion: Motion) -> Motion:
     """Return the motion with turn rates from the difference of both wheels."""
     t, step = motion.way_time_s, np.diff(motion.way_m, axis=0)
-    rate = (step[:, 0] - step[:, 1]) / motion.track_m / np.diff(t)
+    rate = turns_of_wheels(step, motion.track_m, motion.wheelbase_m) / np.diff(t)
     time = np.concatenate([t[:1], 0.5 * (t[1:] + t[:-1]), t[-1:]])
     rate = np.concatenate([rate[:1], rate, rate[-1:]])
     return replace(

@@ -79,9 +79,9 @@ def locate_stretch(
     gnss, origin = _from_origin(fixes, first, last)
     # Dead reckoning from end to end, fitted to the first fixes
     reckoned = reckon(motion, gnss.time_s)
-    problem = _problem(motion, reckoned, gnss, sensors)
+    problem = first_problem(motion, reckoned, gnss, sensors)
     if not motion.has_ways:
-        problem, reckoned = _of_speed_alone(problem, motion, gnss)
+        problem, reckoned = of_speed_alone(problem, motion, gnss)
     # Noise of the sensors by maximum likelihood of the fixes
     noise = initial_noise(
         motion.tick_m, motion.track_m, gyro_noise=sensors.gyro_noise, has_tilt=sensors.has_tilt
@@ -138,7 +138,7 @@ def _reweighted(
     return estimate, doubt
 
 
-def _problem(motion: Motion, reckoned: DeadReckoning, gnss: GnssLog, sensors: Sensors) -> FilterProblem:
+def first_problem(motion: Motion, reckoned: DeadReckoning, gnss: GnssLog, sensors: Sensors) -> FilterProblem:
     """Return nodes and steps, and the initial state: dead reckoning fitted to the first fixes."""
     fit = first_heading(reckoned.at(gnss.time_s).xy, gnss.xyz[:, :2], gnss.sigma_m[:, 0])
     if fit is None:
@@ -157,12 +157,12 @@ def _problem(motion: Motion, reckoned: DeadReckoning, gnss: GnssLog, sensors: Se
     return filter_problem(motion, reckoned, gnss, x0, sigma0, sensors.lever_m)
 
 
-def _of_speed_alone(
+def of_speed_alone(
     problem: FilterProblem, motion: Motion, gnss: GnssLog
 ) -> tuple[FilterProblem, DeadReckoning]:
     """Leave all distances to the estimated speed: those taken from fixes would use the fixes twice."""
     steps, read = problem.steps.copy(), problem.read.copy()
-    steps[:, [kernel.LEFT_M, kernel.RIGHT_M]] = 0.0
+    steps[:, [kernel.LEFT_M, kernel.RIGHT_M, kernel.LEFT_BY, kernel.RIGHT_BY]] = 0.0
     read[:, kernel.READ_SPEED] = 0.0
     still = replace(motion, way_m=np.zeros_like(motion.way_m))
     return replace(problem, steps=steps, read=read), reckon(still, gnss.time_s)

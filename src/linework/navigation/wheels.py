@@ -8,6 +8,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.model.logs import WheelLog
+from linework.navigation.front_wheels import front_steps, rear_steps
 
 #: Highest speed of a vehicle on a survey. [m/s]
 _FASTEST_MPS = 70.0
@@ -55,7 +56,12 @@ class WheelTravel:
 
 
 def valid_wheel_travel(
-    log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatArray | None
+    log: WheelLog,
+    tick_m: float,
+    track_m: float,
+    heading_rad: FloatArray | None,
+    *,
+    wheelbase_m: float = 0.0,
 ) -> WheelTravel:
     """Return the distances of both wheels, corrected.
 
@@ -65,6 +71,8 @@ def valid_wheel_travel(
         (n,) clockwise heading from the gyro at the times of the log, to replace a stuck wheel [rad]; None: no gyro.
     tick_m, track_m
         Distance travelled per count, and distance between the wheels. [m]
+    wheelbase_m
+        From the rear axle to the counted front wheels [m]; 0: the rear wheels are counted.
     """
     pauses = spans_of(np.diff(log.time_s) > _PAUSE_S, log.time_s)
     if log.speed_mps is not None:
@@ -89,7 +97,7 @@ def valid_wheel_travel(
     still = (counts == 0.0).all(axis=1) & ~stuck.any(axis=1)
     rest = _long(spans_of(still, log.time_s), _REST_S)
     turn = np.zeros(len(counts)) if heading_rad is None else np.diff(heading_rad)
-    step = _replaced(counts * tick_m, bad | stuck, track_m * turn, np.diff(log.time_s))
+    step = _replaced(counts * tick_m, bad | stuck, turn, np.diff(log.time_s), track_m, wheelbase_m)
     way = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
     way = _without_steps(log.time_s, way, tick_m)
     return WheelTravel(log.time_s, way, pauses, _shorter(rest), apart=True, warnings=tuple(warnings))
@@ -175,12 +183,21 @@ def _stuck(counts: FloatArray, other_m: FloatArray, time_s: FloatArray) -> BoolA
     return stuck
 
 
-def _replaced(step_m: FloatArray, bad: BoolArray, turned_m: FloatArray, dt: FloatArray) -> FloatArray:
+def _replaced(
+    step_m: FloatArray,
+    bad: BoolArray,
+    turn_rad: FloatArray,
+    dt: FloatArray,
+    track_m: float,
+    wheelbase_m: float,
+) -> FloatArray:
     """Replace bad steps of a wheel using the other wheel and the turn; where both are bad, interpolate the speed."""
     step = step_m.copy()
     for i, sign in ((0, 1.0), (1, -1.0)):
         alone = bad[:, i] & ~bad[:, 1 - i]
-        step[alone, i] = step_m[alone, 1 - i] + sign * turned_m[alone]
+        turn = turn_rad[alone]
+        other, _ = rear_steps(step_m[alone, 1 - i, None], turn, wheelbase_m)
+        step[alone, i] = front_steps(other[:, 0] + sign * (track_m * turn), turn, wheelbase_m)
     both = bad.all(axis=1)
     if both.any() and not both.all():
         good = np.flatnonzero(~both)

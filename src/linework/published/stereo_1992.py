@@ -15,12 +15,11 @@ from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels.images.thinning import corners_of, follow_chains, thin_in_place
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
+from linework.model.settings import Settings, setting
 from linework.model.sightings import Sightings
 
 #: Standard deviation of the position of a whole pixel. [pixels]
 PIXEL_SIGMA_PX = 1.0 / np.sqrt(12.0)
-#: Search window: height of the cameras (it serves 1.4 to 2.5 m), distance ahead and to both sides. [m]
-SEARCH_HEIGHT_M, SEARCH_AHEAD_M, SEARCH_ACROSS_M = 2.0, 40.0, 6.0
 #: Smallest disparity that is intersected. [pixels]
 LEAST_INTERSECTED_PX = 0.5
 #: Largest residual of the pixels of a straight line: pixels are whole, and the edges of a stripe are ragged. (root mean
@@ -40,15 +39,45 @@ SOLID_SHARE = 0.8
 LEAST_CROSSING = 0.05
 #: Largest relative difference of growth of disparity between lines on one plane.
 SAME_GROWTH = 0.1
-#: The published settings: window of the median [pixels], standard deviations above the mean of the row, shortest line
-#: [pixels].
-MEDIAN_PX, SIGMAS_OF_BACKGROUND, LEAST_PX = 5, 1.5, 10
 
 
-def straight_lines_of_pair(pair: RectifiedPair) -> Sightings:
-    """Return the straight bright lines of a pair, one sighting per row, in the vehicle frame."""
-    left = lines_in(pair.left, search_window(pair.rig))
-    right = lines_in(pair.right, search_window(pair.rig))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stereo1992Config(Settings):
+    """Settings of the method as published."""
+
+    median_px: int = setting(5, unit="pixels", reason="published: window of the median", low=1, high=101)
+    sigmas: float = setting(
+        1.5,
+        unit="",
+        reason="published: standard deviations of a bright pixel above the mean of its row",
+        low=0,
+        high=20,
+    )
+    least_px: int = setting(10, unit="pixels", reason="published: shortest line", low=2, high=1000)
+    camera_height_m: float = setting(
+        2.0,
+        unit="m",
+        reason="search window, not published; a roof rack, it serves 1.4 to 2.5 m",
+        low=0.2,
+        high=20,
+    )
+    ahead_m: float = setting(40.0, unit="m", reason="search window, not published", low=1, high=500)
+    across_m: float = setting(
+        6.0, unit="m", reason="search window, not published; a lane to both sides", low=0.5, high=100
+    )
+
+
+#: The settings of the paper.
+AS_PUBLISHED = Stereo1992Config()
+
+
+def straight_lines_of_pair(pair: RectifiedPair, config: Stereo1992Config = AS_PUBLISHED) -> Sightings:
+    """Return the straight bright lines of a pair, one sighting per row, in the vehicle frame.
+
+    The score of a sighting is the share of the line's rows that it was found in: see `SOLID_SHARE`.
+    """
+    window = search_window(pair.rig, config)
+    left, right = lines_in(pair.left, window, config), lines_in(pair.right, window, config)
     # Intersect the matching lines of both images in object space
     found = []
     for number, (i, j) in enumerate(matched(left, right).tolist()):
@@ -65,28 +94,31 @@ def straight_lines_of_pair(pair: RectifiedPair) -> Sightings:
             Sightings(
                 xyz=pair.rig.intersect(col, row, disparity), pair=np.full(n, pair.number), line=np.full(n, number),
                 col=col, row=row, disparity=disparity, sigma_px=sigma, sigma_disparity_px=np.sqrt(2.0) * sigma,
+                score=np.full(n, min(left.share[i], right.share[j])),
             )
         )  # fmt: skip
     return Sightings.concatenate(found)
 
 
-def search_window(rig: RectifiedRig) -> BoolArray:
+def search_window(rig: RectifiedRig, config: Stereo1992Config = AS_PUBLISHED) -> BoolArray:
     """Return (rows, cols) bool: pixels in which level cameras at the usual height show the carriageway."""
     row, col = np.mgrid[: rig.height, : rig.width]
-    ahead = SEARCH_HEIGHT_M * rig.focal_px / np.maximum(row - rig.cy, 1e-9)
+    ahead = config.camera_height_m * rig.focal_px / np.maximum(row - rig.cy, 1e-9)
     across = (col - rig.cx) * ahead / rig.focal_px
-    return np.asarray((ahead < SEARCH_AHEAD_M) & (np.abs(across) < SEARCH_ACROSS_M))
+    return np.asarray((ahead < config.ahead_m) & (np.abs(across) < config.across_m))
 
 
-def lines_in(image: AnyArray, window: BoolArray | None = None) -> StraightLines:
+def lines_in(
+    image: AnyArray, window: BoolArray | None = None, config: Stereo1992Config = AS_PUBLISHED
+) -> StraightLines:
     """Return the straight bright lines of one image (rows, cols) uint8, in a search window (rows, cols) bool."""
     # 3.1 Bright pixels of each row, and the centres of their runs
-    bright = bright_pixels(image, window)
+    bright = bright_pixels(image, window, config)
     centres = centres_of_runs(bright)
     # 3.2 Thinning to one pixel
     thin = thinned(bright)
     # 3.3 Following pixels to lines
-    chains = chain_code(thin)
+    chains = chain_code(thin, config.least_px)
     # 3.4 Analytical functions, those through the vanishing point, and grouping of pieces of one line
     return grouped(through_vanishing_point(analytical_functions(chains, centres)))
 
@@ -128,10 +160,14 @@ class StraightLines:
         return np.asarray(ALWAYS_PX + GROUP_SIGMAS * sigma * np.hypot(self.k, 1.0))
 
     @property
+    def share(self) -> FloatArray:
+        """(m,) share of its rows in which each was found, 0 to 1."""
+        return np.asarray(np.minimum(self.n_rows / (self.bottom_row - self.top_row + 1.0), 1.0))
+
+    @property
     def is_solid(self) -> BoolArray:
         """(m,) bool: found in at least `SOLID_SHARE` of its rows; others are dashed."""
-        rows = self.bottom_row - self.top_row + 1.0
-        return np.asarray(self.n_rows >= SOLID_SHARE * rows)
+        return np.asarray(self.share >= SOLID_SHARE)
 
 
 def analytical_functions(chains: PixelChains, centres: FloatArray) -> StraightLines:
@@ -276,7 +312,9 @@ class PixelChains:
         return self.pixels[self.offsets[i] : self.offsets[i + 1]]
 
 
-def bright_pixels(image: AnyArray, window: BoolArray | None = None) -> BoolArray:
+def bright_pixels(
+    image: AnyArray, window: BoolArray | None = None, config: Stereo1992Config = AS_PUBLISHED
+) -> BoolArray:
     """Return (rows, cols) bool: the median of five pixels is 1.5 standard deviations above the mean of its row (3.1).
 
     Parameters
@@ -286,13 +324,21 @@ def bright_pixels(image: AnyArray, window: BoolArray | None = None) -> BoolArray
     window
         (rows, cols) bool: where the road is expected; None for the whole image.
     """
+    median, mean, sigma, inside = _median_and_background(image, window, config)
+    return np.asarray((median - mean > config.sigmas * sigma) & inside)
+
+
+def _median_and_background(
+    image: AnyArray, window: BoolArray | None, config: Stereo1992Config
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Return the median of the pixels (rows, cols), and mean and standard deviation of each row (rows, 1) in a window."""
     grey = image.astype(np.float64)
     inside = np.ones(image.shape) if window is None else window.astype(np.float64)
     n = np.maximum(inside.sum(axis=1, keepdims=True), 1.0)
     mean = (grey * inside).sum(axis=1, keepdims=True) / n
     sigma = np.sqrt(((grey - mean) ** 2 * inside).sum(axis=1, keepdims=True) / n)
-    median = median_filter(image, size=(1, MEDIAN_PX)).astype(np.float64)
-    return np.asarray((median - mean > SIGMAS_OF_BACKGROUND * sigma) & (inside > 0.0))
+    median = median_filter(image, size=(1, config.median_px)).astype(np.float64)
+    return median, mean, sigma, inside > 0.0
 
 
 def centres_of_runs(bright: BoolArray) -> FloatArray:
@@ -317,7 +363,37 @@ def thinned(white: BoolArray) -> BoolArray:
     return image[1:-1, 1:-1].astype(bool)
 
 
-def chain_code(thin: BoolArray, least_px: int = LEAST_PX) -> PixelChains:
+def chain_code(thin: BoolArray, least_px: int = AS_PUBLISHED.least_px) -> PixelChains:
     """Return the lines of a thinned image (rows, cols) bool, followed pixel by pixel; short ones are dropped (3.3)."""
     pixels, offsets = follow_chains(np.pad(thin.astype(np.uint8), 1), least_px)
     return PixelChains(pixels - 1, offsets, corners_of(pixels, offsets))
+
+
+#: Steps of the eight codes of a chain, in rows and columns: 0 is to the right, then anticlockwise (H. Freeman, 1961).
+CODES = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
+
+
+def codes_of(chain: IntArray) -> str:
+    """Return the chain code of a line of pixels (k, 2): no coordinates but a step from each pixel to the next.
+
+    >>> codes_of(np.array([[5, 3], [4, 3], [3, 4], [3, 5]]))
+    '210'
+    """
+    return "".join(str(CODES.index((int(row), int(col)))) for row, col in np.diff(chain, axis=0))
+
+
+def images_of_steps(image: AnyArray, window: BoolArray | None = None) -> dict[str, AnyArray]:
+    """Return the image of each step on an image (rows, cols) uint8, by name, uint8: 0 black, 255 white.
+
+    ``grey``; ``median_minus_mean`` (the median of five pixels over the mean of its row in the window, 128 where they are equal);
+    ``binary``; ``thinned``; and ``chains``: the lines that are long enough.
+    """
+    median, mean, _, _ = _median_and_background(image, window, AS_PUBLISHED)
+    white = bright_pixels(image, window)
+    thin = thinned(white)
+    followed = np.zeros(image.shape, dtype=np.bool_)
+    pixels = chain_code(thin).pixels
+    followed[pixels[:, 0], pixels[:, 1]] = True
+    grey = np.clip(np.round(128.0 + median - mean), 0, 255)
+    shown = {"grey": image, "median_minus_mean": grey, "binary": white, "thinned": thin, "chains": followed}
+    return {name: (255 * v if v.dtype == np.bool_ else v).astype(np.uint8) for name, v in shown.items()}

@@ -23,6 +23,7 @@ _GROUP_OF = {
     "road_boundary": "boundaries", "kerb_top": "boundaries",
     "guardrail": "rails", "barrier": "rails", "cable": "cables",
     "stereo": "pairs", "trajectory": "trajectory", "points": "points", "columns": "columns",
+    "classes": "classes",
 }  # fmt: skip
 #: Everything that can be compiled: kinds of line, and what else is in the table above.
 COMPILED_FOR = tuple(_GROUP_OF)
@@ -42,7 +43,7 @@ def compiled_for(survey: Survey, kinds: Iterable[str], *, images: bool) -> tuple
     images
         Whether stereo pairs are looked at, if the survey has any.
     """
-    has_pairs = images and "cameras" in survey.settings
+    has_pairs = images and survey.has_pairs
     is_located = survey.trajectory_file is None and "navigation" in survey.settings
     others = {
         "points": bool(survey.point_files), "columns": bool(survey.carry), "stereo": has_pairs,

@@ -8,15 +8,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.errors import OutputExistsError, argument
+from linework.errors import OutputExistsError, UsageError, argument
 from linework.files.documents import read_json
 from linework.files.output.record import hash_file
 from linework.methods.choose import choose_methods
+from linework.methods.kinds import PUBLISHED_KINDS_OF
 from linework.methods.protocol import Method
 from linework.model.ground import Ground
 from linework.model.survey import Survey
 from linework.processes.executors import Executor
 from linework.processes.identity import identity_of
+from linework.published.methods import published_method
 from linework.runs.extraction import Extraction, Failure
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
@@ -160,7 +162,17 @@ def extraction_request(
         Methods, kinds and `paint` do not agree, or own code cannot be sent to worker processes.
     """
     given = methods
-    if methods is None:
+    if methods is None and method in PUBLISHED_KINDS_OF:
+        if paint:
+            raise UsageError(
+                f"{method} finds paint by its intensity", where=argument("paint"), advice="omit it"
+            )
+        methods = (
+            published_method(
+                method, kinds, radon=settings.radon_2002, obb=settings.obb_2023, stereo=settings.stereo_1992
+            ),
+        )
+    elif methods is None:
         methods = choose_methods(
             method, kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo, paint=paint
         )

@@ -8,6 +8,9 @@ from linework.methods.obb.method import ObbConfig
 from linework.methods.radon.method import RadonConfig
 from linework.methods.stereo.method import StereoConfig
 from linework.model.settings import Settings, group, setting
+from linework.published.obb_2023 import Obb2023Config
+from linework.published.radon_2002 import Radon2002Config
+from linework.published.stereo_1992 import Stereo1992Config
 from linework.surface.road import RoadConfig
 
 
@@ -51,4 +54,7 @@ class RunSettings(Settings):
     radon: RadonConfig = group(RadonConfig)
     obb: ObbConfig = group(ObbConfig)
     stereo: StereoConfig = group(StereoConfig)
+    radon_2002: Radon2002Config = group(Radon2002Config)
+    obb_2023: Obb2023Config = group(Obb2023Config)
+    stereo_1992: Stereo1992Config = group(Stereo1992Config)
     tiling: TilingConfig = group(TilingConfig)

@@ -31,6 +31,7 @@ def write_survey_folder(
     *,
     overwrite: bool = False,
     cameras: StereoDrive | None = None,
+    counts_front: bool = False,
     advance: Callable[[int, int], None] | None = None,
 ) -> None:
     """Write the survey; the folder appears whole or not at all.
@@ -43,6 +44,8 @@ def write_survey_folder(
         New, empty, or with `overwrite` one whose files of the same names are replaced.
     cameras
         What takes stereo images along the way, from `stereo_survey`; None: no images.
+    counts_front
+        Whether the front wheels are counted.
     advance
         Told how many pairs of images are drawn, and how many there are.
 
@@ -67,7 +70,7 @@ def write_survey_folder(
         write_lines(survey.truth, part / "truth.gpkg", kinds=KINDS)
         settings = _survey_toml(survey, len(parts))
         if survey.scenario.is_driven:
-            settings += write_logs(survey_logs(survey), part)
+            settings += write_logs(survey_logs(survey, counts_front=counts_front), part)
         if cameras is not None:
             write_images(cameras, part, advance)
             seen = observed_in_images(survey.truth, cameras)
@@ -166,19 +169,22 @@ rotation_wxyz = {[float(value) for value in (w, x, y, z)]}
 
 # The navigation logs of a simulated survey as part of its folder
 
-#: A good van: phase GNSS at 10 Hz, the second best gyro, wheels that are worn differently.
-_VAN = SensorGrades(
-    gnss=replace(GNSS_2_CM, rate_hz=10.0),
-    gyro=replace(GYROS[1], rate_hz=100.0),
-    wheels=WheelGrade(scale_left=0.011, scale_right=-0.004, rate_hz=50.0),
-)
+
+def van_grades() -> SensorGrades:
+    """Return the sensors of a good van: phase GNSS at 10 Hz, the second best gyro, wheels that are worn differently."""
+    return SensorGrades(
+        gnss=replace(GNSS_2_CM, rate_hz=10.0),
+        gyro=replace(GYROS[1], rate_hz=100.0),
+        wheels=WheelGrade(scale_left=0.011, scale_right=-0.004, rate_hz=50.0),
+    )
 
 
-def survey_logs(survey: SimulatedSurvey) -> NavigationLogs:
+def survey_logs(survey: SimulatedSurvey, *, counts_front: bool = False) -> NavigationLogs:
     """Return what the van's navigation sensors logged in all passes; between passes they pause."""
     rng = np.random.default_rng([survey.scenario.seed, 61])
+    van = replace(van_grades(), counts_front=counts_front)
     origin = survey.scenario.origin_m
-    return joined_logs([simulate_logs(d, _VAN, rng, origin_m=origin) for d in drives_of(survey.scenario)])
+    return joined_logs([simulate_logs(d, van, rng, origin_m=origin) for d in drives_of(survey.scenario)])
 
 
 def joined_logs(parts: Sequence[NavigationLogs]) -> NavigationLogs:
@@ -226,10 +232,10 @@ def write_logs(logs: NavigationLogs, folder: Path) -> str:
             _write(folder / "wheels.csv", "speed_mps", logs.wheels.time_s, speed[:, None], "%.4f")
         settings += 'wheels = "wheels.csv"\n'
     lever = [float(v) for v in logs.gnss_lever_m]
-    return (
-        settings
-        + f"\n[vehicle]\ntick_m = {logs.tick_m!r}\ntrack_m = {logs.track_m!r}\ngnss_lever_m = {lever}\n"
-    )
+    settings += f"\n[vehicle]\ntick_m = {logs.tick_m!r}\ntrack_m = {logs.track_m!r}\n"
+    if logs.wheelbase_m:
+        settings += f'axle = "front"\nwheelbase_m = {logs.wheelbase_m!r}\n'
+    return settings + f"gnss_lever_m = {lever}\n"
 
 
 def _write(path: Path, names: str, time_s: FloatArray, values: FloatArray, form: str) -> None:

@@ -12,6 +12,7 @@ from linework.crs import parse_crs
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
+from linework.simulation.point_classes import classes_of_hits
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.part import Scene
@@ -49,6 +50,8 @@ class SimulatedSurvey:
         (n,) int32: its laser, counted through the heads.
     strip
         (n,) int32: its pass, flight strip or station.
+    point_class
+        (n,) uint8: its true class, as `linework.methods.classes.point_class.PointClass` numbers them.
     """
 
     points: Points
@@ -59,10 +62,11 @@ class SimulatedSurvey:
     sweep: AnyArray
     beam: AnyArray
     strip: AnyArray
+    point_class: AnyArray
 
     def take(self, index: AnyArray) -> SimulatedSurvey:
         """Return the survey with the chosen points only; its truth, and what of it was observed, stays."""
-        chosen = {name: getattr(self, name)[index] for name in ("sweep", "beam", "strip")}
+        chosen = {name: getattr(self, name)[index] for name in ("sweep", "beam", "strip", "point_class")}
         return replace(self, points=self.points.take(index), **chosen)
 
 
@@ -109,8 +113,10 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
     points: list[Points] = []
     met: list[tuple[AnyArray, ...]] = []
     numbers: list[tuple[AnyArray, ...]] = []
+    classes: list[AnyArray] = []
     for hits in scan_passes(scenario, scene, carriers):
         points.append(record_points(scenario, scene, hits, rng))
+        classes.append(classes_of_hits(scenario, scene, hits, points[-1].xyz))
         met.append((hits.xyz, hits.triangle, hits.time_s, np.isnan(hits.false_range_m)))
         numbers.append((hits.sweep, hits.beam, hits.strip))
     xyz, triangle, time_s, is_true = (np.concatenate(column) for column in zip(*met, strict=True))
@@ -126,6 +132,7 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
         sweep=sweep,
         beam=beam,
         strip=strip,
+        point_class=np.concatenate(classes)[order],
     )
 
 

@@ -11,7 +11,6 @@ from linework.crs import parse_crs
 from linework.errors import ConfigError, CrsError, InputError
 from linework.files.geodetic import EarthFrame
 from linework.files.logs.gnss import read_gnss
-from linework.files.trajectories.read import read_trajectory_content
 
 PLAN = EarthFrame(crs=parse_crs("EPSG:25832"))
 #: 2024-05-28 12:00:00 UTC as GPS seconds: 18 leap seconds since 1980
@@ -107,69 +106,6 @@ def test_a_grid_of_undulations(tmp_path):
     (tmp_path / "other.gtx").write_text("no grid")
     with pytest.raises(ConfigError, match=r"other\.gtx: is not a geoid grid"):
         read_gnss(path, replace(frame, geoid="other.gtx"))
-
-
-POS = """% program   : RTKLIB ver.2.4.3
-% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)
-%  {system}                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio
-"""
-ROW = "   46.000000000    9.000000000   297.5000   1   9   0.0200   0.0300   0.0500   0.0010   0.0010   0.0010   1.00    9.0\n"
-
-
-@pytest.mark.parametrize(
-    ("system", "time"),
-    [("GPST", "2024/05/28 12:00:18.000"), ("UTC ", "2024/05/28 12:00:00.000"), ("GPST", "2316 216018.000")],
-)
-def test_pos_in_degrees(tmp_path, system, time):
-    path = tmp_path / "rover.pos"
-    path.write_text(POS.format(system=system) + time + ROW + time.replace(".000", ".500") + ROW)
-    content = read_gnss(path, PLAN)
-    assert content.epoch == "gps"
-    np.testing.assert_allclose(content.log.time_s, NOON + np.array([0, 0.5]), atol=1e-6)
-    np.testing.assert_allclose(content.log.xyz[0, [0, 2]], [500000.0, 297.5], atol=1e-3)
-    np.testing.assert_allclose(content.log.sigma_m[0], [0.03, 0.02, 0.05])  # east, north, up
-    assert content.warnings == ()
-    path_of = read_trajectory_content(path)  # as a ready trajectory, in a local frame
-    np.testing.assert_array_equal(path_of.trajectory.xyz[0], [0, 0, 0])
-
-
-def test_pos_geocentric(tmp_path):
-    a, e2 = 6378137.0, 1 - (1 - 1 / 298.257223563) ** 2
-    lat, lon, height = np.radians(46.0), np.radians(9.0), 297.5
-    n = a / np.sqrt(1 - e2 * np.sin(lat) ** 2)
-    x, y = (n + height) * np.cos(lat) * np.array([np.cos(lon), np.sin(lon)])
-    z = (n * (1 - e2) + height) * np.sin(lat)
-    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-    c = 1e-4 * np.eye(3) + (0.05**2 - 1e-4) * np.outer(up, up)  # 1 cm in plan, 5 cm in height
-    sd = [np.sign(v) * np.sqrt(abs(v)) for v in (c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[1, 2], c[2, 0])]
-    head = POS.format(system="GPST").replace(
-        "latitude(deg) longitude(deg)  height(m)", "x-ecef(m) y-ecef(m) z-ecef(m)"
-    )
-    row = (
-        f"2024/05/28 12:00:18.000 {x:.4f} {y:.4f} {z:.4f} 1 9 " + " ".join(f"{v:.6f}" for v in sd) + " 0 0\n"
-    )
-    (tmp_path / "rover.pos").write_text(head + row)
-    log = read_gnss(tmp_path / "rover.pos", PLAN).log
-    np.testing.assert_allclose(log.xyz[0, [0, 2]], [500000.0, 297.5], atol=1e-3)
-    np.testing.assert_allclose(log.sigma_m[0], [0.01, 0.01, 0.05], atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda text: text.replace("%  GPST", "%  JST "), "time system JST"),
-        (lambda text: text.replace("latitude(deg)", "e-baseline(m)"), "expected latitude(deg) or x-ecef(m)"),
-        (lambda text: text.split("\n")[-2] + "\n", "no header line"),
-        (lambda text: "\n".join(text.split("\n")[:3]) + "\n", "no rows"),
-        (lambda text: text.replace(".0200", ".02x0"), "no usable rows (1 lines"),
-    ],
-)  # fmt: skip
-def test_pos_that_cannot_be_used(tmp_path, change, words):
-    path = tmp_path / "rover.pos"
-    path.write_text(change(POS.format(system="GPST") + "2024/05/28 12:00:18.000" + ROW))
-    with pytest.raises(InputError) as caught:
-        read_gnss(path, PLAN)
-    assert words in str(caught.value)
 
 
 def test_latitude_and_longitude_exchanged_and_another_continent(tmp_path):

@@ -43,6 +43,28 @@ def test_values_are_in_si_and_counts_stay_as_logged(tmp_path):
     assert (logs.tick_m, logs.track_m, logs.gnss_lever_m) == (0.03, 1.5, (1.0, 2.0, 3.0))
 
 
+def test_the_counted_wheels_are_those_of_the_rear_axle_or_of_the_front_one(tmp_path):
+    wheels = "time_s,left_ticks,right_ticks\n0,1,10\n1,4,20\n"
+    survey = survey_of(tmp_path, wheels=wheels)
+    assert read_navigation_logs(survey).logs.wheelbase_m == 0.0
+
+    def with_vehicle(text):
+        stated = (tmp_path / "survey.toml").read_text().split("[vehicle]")[0]
+        (tmp_path / "survey.toml").write_text(f"{stated}[vehicle]\n{text}\n")
+        return read_navigation_logs(open_survey([tmp_path])).logs.wheelbase_m
+
+    assert with_vehicle('axle = "front"\nwheelbase_m = 3.2') == 3.2
+    assert with_vehicle('axle = "rear"\nwheelbase_m = 3.2') == 0.0
+    with pytest.raises(
+        ConfigError, match=r'survey\.toml: vehicle\.axle is "front", but .* no wheelbase_m\. Add'
+    ):
+        with_vehicle('axle = "front"')
+    with pytest.raises(ConfigError, match=r"vehicle\.axle .*one of rear, front"):
+        with_vehicle('axle = "middle"')
+    with pytest.raises(ConfigError, match=r"vehicle\.wheelbase_m .*a number above 0"):
+        with_vehicle('axle = "front"\nwheelbase_m = -3.2')
+
+
 def test_speed_in_place_of_ticks_and_a_gyro_without_tilt(tmp_path):
     logs = read_navigation_logs(
         survey_of(tmp_path, gyro="yaw_rate_dps,time_s\n5,1\n", wheels="time_s,speed_mps\n0,5\n")

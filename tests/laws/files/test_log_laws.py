@@ -145,6 +145,37 @@ def test_damaged_nmea_never_gives_a_fix_elsewhere(tmp_path, data):
     assert np.abs(log.xyz[:, 1]).max() < 4.0
 
 
+N_POS = 60
+POS = {
+    layout: made.pos(
+        layout, [("2316", f"{1000 + i / 10:.3f}") for i in range(N_POS)],
+        [(46.0 + i * 1e-7, 9.0, 250.0) for i in range(N_POS)], np.full((N_POS, 3), 0.02), base=(46.01, 9.0, 200.0),
+    ).encode()
+    for layout in made.POS_COLUMNS
+}  # fmt: skip
+
+
+@FEW
+@given(st.sampled_from(sorted(POS)), st.data())
+def test_a_damaged_pos_gives_finite_fixes_or_one_line(tmp_path, layout, data):
+    text = bytearray(POS[layout])
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(text) - 1))
+        what = data.draw(
+            st.sampled_from([b"\0", b"nan", b"%", b"\n", b"-", b"inf", b"9" * 400, b" ", b"UTC", b":"])
+        )
+        text[at : at + data.draw(st.integers(0, 40))] = what
+    try:
+        log = read_gnss(written(tmp_path, bytes(text), "a.pos"), LOCAL).log
+    except LineworkError as error:
+        one_line(error)
+        return
+    assert np.isfinite(log.xyz).all()
+    assert np.isfinite(log.sigma_m).all()
+    assert np.all(np.diff(log.time_s) > 0.0)
+    assert set(log.quality.tolist()) <= set(range(1, 8))
+
+
 @FEW
 @given(st.data())
 def test_damaged_binary_and_pose_files_are_one_line_or_a_trajectory(tmp_path, data):

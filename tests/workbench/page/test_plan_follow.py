@@ -86,6 +86,22 @@ def test_a_bad_place_is_refused_with_a_reason(plan, kerb, served):
     assert plan.revision == before
 
 
+def test_a_refusal_shows_what_the_search_area_holds(plan, kerb, served):
+    east, north = middle_of(served.get("/api/survey")["path"])[:2]
+    area = served.get(f"/api/search-area?east={east}&north={north}")
+    assert area["points"] > 50
+    assert area["floor"] > 0.5 * area["points"]
+    assert sum(area["intensity"]["counts"]) == area["points"]
+    plan.follow((east, north), "road_boundary")
+    plan.wait_for("state", "refused")
+    panel = plan.page.locator(".search-area")
+    panel.wait_for()
+    assert f"{area['points']} points" in panel.text_content()
+    assert panel.locator(".histogram span").count() == 32
+    far = served.client.get(f"/api/search-area?east={east + 5e4}&north={north}")
+    assert far.json()["points"] == 0
+
+
 def test_a_kept_line_is_continued_farther_on(plan, kerb):
     plan.follow(middle_of(kerb), "road_boundary")
     plan.wait_for("state", "stopped")

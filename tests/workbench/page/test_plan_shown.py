@@ -47,3 +47,25 @@ def test_a_kind_that_is_switched_off_cannot_be_clicked(plan):
     plan.page.evaluate("document.querySelector('.legend').open = false")
     plan.click(middle_of(line["xyz"]))
     wait_until(lambda: plan.selected == [line["id"]])
+
+
+def test_points_are_coloured_by_their_class_and_again_when_lines_change(plan):
+    classes = plan.page.locator(".image-classes")
+    assert not classes.is_visible()
+    with plan.page.expect_response(lambda answer: "/api/tiles/class/" in answer.url and answer.status == 200):
+        plan.page.locator("button[data-image=class]").click()
+        plan.look_at(middle_of(plan.served.get("/api/survey")["path"]), nearer=2)
+    assert classes.locator("> span").all_text_contents()[:6] == [
+        "Other", "Verge", "Vegetation", "Footway", "Road", "Kerb"
+    ]  # fmt: skip
+    line = max(
+        (one for one in plan.documents().values() if one["kind"] == "lane_marking"),
+        key=lambda one: one["length_m"],
+    )
+    plan.look_at(middle_of(line["xyz"]), nearer=3)
+    plan.click(middle_of(line["xyz"]))
+    wait_until(lambda: plan.selected == [line["id"]])
+    with plan.page.expect_response(lambda answer: "/api/tiles/class/" in answer.url):
+        plan.press("Delete")
+    plan.page.locator("button[data-image=height]").click()
+    assert not classes.is_visible()

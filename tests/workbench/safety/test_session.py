@@ -17,7 +17,7 @@ from tests.workbench.serve_process import Served, wait_until
 from linework.workbench.server.guard import REPORT_POLICY
 from linework.workbench.server.sessions import MOST_SESSIONS, Sessions
 
-NO_SESSION = {"problem": "no session: open the link that linework serve printed", "status": 401}
+NO_SESSION = {"problem": "no session: open the link that linework printed", "status": 401}
 
 
 def test_no_route_answers_without_a_session(served):

@@ -95,9 +95,7 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     )
     work, n_workers = work_folder(survey.root), usable_cores()
     with (
-        executor_for(
-            promised_points(survey), n_workers, settings, has_images="cameras" in survey.settings
-        ) as executor,
+        executor_for(promised_points(survey), n_workers, settings, has_images=survey.has_pairs) as executor,
         opened_recordings(survey, work, images=False, n_threads=n_workers, steps=steps) as recordings,
     ):
         record, found = extract_to(request, recordings, work, executor, steps)

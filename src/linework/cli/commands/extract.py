@@ -18,6 +18,7 @@ from linework.cli.options import (
     Overwrite,
     Quiet,
     RunFile,
+    SetValues,
     SurveyArgument,
     TrajectoryFile,
     Workers,
@@ -40,7 +41,11 @@ def extract_command(
         ),
     ] = "",
     method: Annotated[
-        str, typer.Option("--method", help="obb or radon (laser points), stereo (images), or auto.")
+        str,
+        typer.Option(
+            "--method",
+            help="auto, obb or radon (laser points), stereo (images); as published: obb-2023, radon-2002, stereo-1992.",
+        ),
     ] = "auto",
     paint_column: Annotated[
         str,
@@ -56,6 +61,7 @@ def extract_command(
     ] = "",
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
+    set_values: SetValues = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
     workers: Workers = None,
@@ -106,7 +112,7 @@ def extract_command(
         check_format(output)
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
-        settings = read_settings(config)
+        settings = read_settings(config, set_values)
         survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
@@ -116,7 +122,7 @@ def extract_command(
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
         compile_stage(compiled_for(survey, kinds, images=recordings_for(method, kinds)["images"]), steps)
-        has_images = "cameras" in survey.settings
+        has_images = survey.has_pairs
         n_points = promised_points(survey)
         executor = held.enter_context(executor_for(n_points, n_workers, settings, has_images=has_images))
         preloading = preload_modules(

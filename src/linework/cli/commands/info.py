@@ -121,10 +121,18 @@ def _driven(document: dict[str, Any]) -> Iterator[str]:
         )
     if cameras is not None:
         yield from _of_cameras(cameras)
+    for name, camera in document["single_cameras"].items():
+        rate = "" if camera["rate_hz"] is None else f", {camera['rate_hz']:g} Hz"
+        yield (
+            f"camera      {name}: {camera['images']:,} images for the photolog, {camera['start_s']:.3f} to "
+            f"{camera['end_s']:.3f} s{rate}"
+        )
     for name, log in document["logs"].items():
         span = f"{log['start_s']:.3f} to {log['end_s']:.3f} s" if log["rows"] else "no rows"
         rate = "" if name == "events" or log["rate_hz"] is None else f", {log['rate_hz']:g} Hz"
-        yield f"{name:<12}{log['file']}: {log['rows']:,} rows, {span}{rate}"
+        shares = {kind: n / log["rows"] for kind, n in log.get("quality", {}).items()}
+        kinds = "".join(f", {share:.0%} {kind}" for kind, share in shares.items())
+        yield f"{name:<12}{log['file']}: {log['rows']:,} rows, {span}{rate}{kinds}"
 
 
 def _of_cameras(cameras: dict[str, Any]) -> Iterator[str]:

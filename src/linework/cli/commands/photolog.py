@@ -39,11 +39,12 @@ def photolog(
     from linework.crs import describe_crs
     from linework.evaluation.report.photolog import photolog_html
     from linework.files.images.series import open_stereo
+    from linework.files.images.single import open_single_cameras
     from linework.files.logs.photolog import van_log
     from linework.files.output.locks import reserve_output
     from linework.files.output.publish import write_page
     from linework.files.survey.open import open_survey
-    from linework.files.trajectories.of_survey import read_van_path
+    from linework.files.trajectories.of_survey import read_van_path, single_on_clock_of
     from linework.library.progress import open_display
     from linework.runs.opened.recordings import located_survey
     from linework.runs.opened.work_folder import work_folder
@@ -58,8 +59,8 @@ def photolog(
         survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
-        series = open_stereo(survey)
-        if series is None and not survey.settings.get("events"):
+        series, single = open_stereo(survey), open_single_cameras(survey)
+        if series is None and not single and not survey.settings.get("events"):
             raise InputError("the survey has neither images nor operator keys", where=survey.name,
                              advice="see linework info")  # fmt: skip
         steps = RunSteps(display)
@@ -69,13 +70,17 @@ def photolog(
             raise InputError("no trajectory, so the positions of the images are unknown", where=survey.name,
                              advice="give --trajectory, or name one in survey.toml ([trajectory] file)")  # fmt: skip
         with steps.step("write page"):
-            log = van_log(survey, path.series, path.trajectory)
+            single = single_on_clock_of(single, path.trajectory, survey)
+            log = van_log(survey, path.series, path.trajectory, single)
             facts = {"survey": survey.name, "CRS": describe_crs(survey.crs)}
             page = photolog_html(
                 log, output, title=f"Photolog of {survey.name}", every_m=every_m, facts=facts
             )
             write_page(page.html, output, overwrite=overwrite)
-    of_images = path.series.warnings if path.series else ()
+    of_images = [
+        *(path.series.warnings if path.series else ()),
+        *(t for camera in single for t in camera.warnings),
+    ]
     for warning in (*survey.warnings, *notes, *path.warnings, *of_images, *log.warnings, *page.warnings):
         warn(warning)
     say(f"{output}: {page.n_pictures} images, {len(log.events or ())} keys")

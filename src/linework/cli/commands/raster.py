@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,7 +26,7 @@ from linework.cli.said import say, say_json
 if TYPE_CHECKING:
     from linework.arrays import Float32Array
     from linework.files.store.in_memory import SurveyPoints
-    from linework.methods.radon.figures import FigureConfig
+    from linework.methods.radon.figures import CandidateLines, FigureConfig
     from linework.model.grid import Grid
     from linework.model.ground import Ground
     from linework.model.points import Points
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 
 #: Cell sizes allowed [m]. Cells below a millimetre show nothing more, and a square kilometre has 10^12 of them.
 _CELL_RANGE_M = (0.001, 1000.0)
+#: Longest candidate line that can be asked for [m].
+_LONGEST_M = 10_000.0
 
 
 def raster(
@@ -62,6 +66,33 @@ def raster(
     max_height_m: Annotated[
         float, typer.Option("--max-height-m", help="Binary image: maximum height above the road [m].")
     ] = 1.2,
+    peaks: Annotated[
+        str,
+        typer.Option(
+            "--peaks",
+            help="Radon image: peaks of its narrow ridges (ours), or of itself in the maximum image (published).",
+        ),
+    ] = "ours",
+    threshold_m: Annotated[
+        float,
+        typer.Option("--threshold", metavar="M", help="Radon image: least occupied length of a line [m]."),
+    ] = 8.0,
+    candidates: Annotated[
+        Path | None,
+        typer.Option(
+            "--candidates",
+            metavar="FILE",
+            help="Also write the candidate lines with theta, rho and strength: .gpkg or .csv.",
+        ),
+    ] = None,
+    pair: Annotated[
+        int | None,
+        typer.Option(
+            "--pair",
+            metavar="N",
+            help="Instead of points: the steps of detection in stereo pair N, as published.",
+        ),
+    ] = None,
     trajectory: TrajectoryFile = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
@@ -73,22 +104,28 @@ def raster(
     """Rasterise SURVEY to GeoTIFF and PNG images.
 
     The images show density, heights, intensity, road, the binary image and its Radon image. run.json is written beside
-    them.
+    them. With --pair they show what bright lines of one stereo pair become, step by step.
     """
     from linework.errors import PartialError, check_extra
 
+    if pair is not None:
+        _publish_pair(surveys, pair, output, crs=crs, allow_outside=allow_outside, work=work,
+                      overwrite=overwrite, as_json=as_json, quiet=quiet)  # fmt: skip
+        return
+
     check_extra("reports", where="raster")
-    from linework.files.output.locks import reserve_folder
+    from linework.files.output.locks import reserve_folder, reserve_output
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
-    from linework.methods.radon.figures import FigureConfig
     from linework.runs.steps import RunSteps
 
     cells = _cells(cell_m, cell_along_m, cell_across_m)
-    config = FigureConfig(low_m=min_height_m, high_m=max_height_m)
+    config = _config((min_height_m, max_height_m), peaks, threshold_m)
     _check_band(config)
+    _check_candidates(candidates)
     with (
         reserve_folder(output, overwrite=overwrite, inputs=[trajectory]),
+        reserve_output(candidates, overwrite=overwrite, inputs=[trajectory]) if candidates else nullcontext(),
         open_display(quiet=quiet) as display,
     ):
         steps = RunSteps(display)
@@ -98,7 +135,12 @@ def raster(
         opened = _read(survey, work, steps)
         read, path = opened.points, opened.trajectory
         grid = _grid(survey, read.points, path, cells)
-        record = _publish(survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps)
+        lines: list[CandidateLines] = []
+        record = _publish(
+            survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps, candidates=lines
+        )
+        if candidates is not None:
+            _write_candidates(lines[0], survey.crs, candidates, overwrite=overwrite)
     for warning in opened.warnings:
         warn(warning)
     if as_json:
@@ -139,6 +181,117 @@ def _cells(cell_m: float, along: str, across_m: float) -> tuple[float | None, fl
             f"--cell-along-m is {along!r}, expected a number of metres or auto", where="raster"
         ) from None
     return None, checked("--cell-along-m", value), across
+
+
+def _config(band_m: tuple[float, float], peaks: str, threshold_m: float) -> FigureConfig:
+    """Return the settings of the figures.
+
+    Raises
+    ------
+    UsageError
+        There is no such rule for peaks, or the threshold is no length.
+    """
+    from linework.errors import UsageError, did_you_mean
+    from linework.methods.radon.figures import FigureConfig
+
+    if peaks not in ("ours", "published"):
+        raise UsageError(
+            f"unknown rule {peaks!r}" + did_you_mean([peaks], ("ours", "published")), where="--peaks",
+            advice="choose ours or published",
+        )  # fmt: skip
+    if not 0.0 <= threshold_m <= _LONGEST_M:
+        raise UsageError(f"--threshold is {threshold_m:g}, expected 0 to {_LONGEST_M:g} m", where="raster")
+    config = FigureConfig(low_m=band_m[0], high_m=band_m[1], min_length_m=threshold_m)
+    return replace(config, ridge_m=0.0, by_maximum=True) if peaks == "published" else config
+
+
+def _check_candidates(path: Path | None) -> None:
+    from linework.errors import UsageError
+
+    if path is not None and path.suffix.lower() not in (".gpkg", ".csv"):
+        raise UsageError(
+            f"cannot write candidate lines as '{path.suffix}'", where=path, advice="use .gpkg or .csv"
+        )
+
+
+def _write_candidates(found: CandidateLines, crs: str, path: Path, *, overwrite: bool) -> None:
+    """Write candidate lines across the image, the strongest first, with their place in the Radon image."""
+    import numpy as np
+
+    from linework.files.maps.row_tables import write_rows
+    from linework.methods.radon.figures import line_ends
+
+    peaks = found.peaks
+    rows = [
+        [rank + 1, round(float(np.degrees(theta)), 4), round(float(rho), 4), round(float(strength), 3)]
+        for rank, (theta, rho, strength) in enumerate(
+            zip(peaks.theta_rad, peaks.rho_m, peaks.strength_m, strict=True)
+        )
+    ]
+    pieces = [np.column_stack([ends, np.zeros(2)]) for ends in line_ends(peaks, found.radon)]
+    names = ("rank", "theta_deg", "rho_m", "strength_m")
+    write_rows(names, rows, pieces, crs, path, layer="candidate", by="rank", overwrite=overwrite)
+
+
+def _publish_pair(
+    surveys: list[Path], number: int, output: Path, *, crs: str | None, allow_outside: bool, work: Path | None,
+    overwrite: bool, as_json: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Write the images of each step of detection in a stereo pair, and the chain codes of its lines."""
+    import json
+
+    from linework.errors import InputError
+    from linework.files.images.read import write_grey_png
+    from linework.files.output.locks import reserve_folder
+    from linework.files.output.publish import publish_folder
+    from linework.files.survey.open import open_survey
+    from linework.library.progress import open_display
+    from linework.published import stereo_1992
+    from linework.runs.opened.recordings import opened_recordings
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import RunSteps
+
+    with reserve_folder(output, overwrite=overwrite), open_display(quiet=quiet) as display:
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        folder = work_folder(survey.root, work)
+        with opened_recordings(survey, folder, laser=False, steps=RunSteps(display)) as recordings:
+            stereo = recordings.stereo
+            if stereo is None:
+                raise InputError("no stereo images in this survey", where=survey.name)
+            numbers = stereo.numbers
+            if number not in numbers:
+                raise InputError(
+                    f"no stereo pair {number} with a pose", where=survey.name,
+                    advice=f"choose from {numbers.min()} to {numbers.max()}",
+                )  # fmt: skip
+            pair = stereo.pair(number)
+        window = stereo_1992.search_window(pair.rig)
+        images = {
+            f"{side}_{name}": image
+            for side, own in (("left", pair.left), ("right", pair.right))
+            for name, image in stereo_1992.images_of_steps(own, window).items()
+        }
+        chains = {}
+        for side in ("left", "right"):
+            found = stereo_1992.chain_code(images[f"{side}_thinned"] > 0)
+            lines = [found.line(i) for i in range(len(found))]
+            chains[side] = [
+                {"start": line[0].tolist(), "codes": stereo_1992.codes_of(line)} for line in lines
+            ]
+
+        def write(part: Path) -> None:
+            for name, image in images.items():
+                write_grey_png(image, part / f"{name}.png")
+            (part / "chains.json").write_text(json.dumps(chains, indent=1) + "\n", encoding="utf-8")
+
+        def verify(part: Path) -> None:
+            json.loads((part / "chains.json").read_text(encoding="utf-8"))
+
+        publish_folder(output, write, verify, overwrite=overwrite)
+    if as_json:
+        say_json({"pair": number, "images": list(images), "lines": {k: len(v) for k, v in chains.items()}})
+    else:
+        say(f"{len(images)} images of pair {number} in {output}, {len(chains['left'])} lines in the left one")
 
 
 def _check_band(config: FigureConfig) -> None:
@@ -188,6 +341,7 @@ def _publish(
     *,
     overwrite: bool,
     steps: RunSteps,
+    candidates: list[CandidateLines],
 ) -> dict[str, Any]:
     """Write all images and run.json to a folder atomically, and return the record."""
     from linework.crs import describe_crs, epsg_text
@@ -212,8 +366,9 @@ def _publish(
     def write(folder: Path) -> None:
         with steps.step("draw images", unit="images"):
             for figure in raster_figures(
-                read.points, height_m, is_road, grid, config, crs_name=crs_name, normal=normal
-            ):
+                read.points, height_m, is_road, grid, config, crs_name=crs_name, normal=normal,
+                candidates=candidates,
+            ):  # fmt: skip
                 crs = survey.crs if figure.in_world else "local"
                 write_geotiff(figure.image, folder / f"{figure.name}.tif", crs=crs)
                 (folder / f"{figure.name}.png").write_bytes(figure.png)

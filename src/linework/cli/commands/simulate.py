@@ -53,6 +53,10 @@ def simulate_command(
     holes: Annotated[
         bool, typer.Option("--holes", help="Leave stretches of 10 to 60 m without points.")
     ] = False,
+    front_wheels: Annotated[
+        bool,
+        typer.Option("--front-wheels", help="Count the two front wheels in wheels.csv, not the rear ones."),
+    ] = False,
     no_images: Annotated[
         bool, typer.Option("--no-images", help="Skip the stereo images, which take minutes.")
     ] = False,
@@ -65,6 +69,14 @@ def simulate_command(
     image_every_m: Annotated[
         float, typer.Option("--image-every-m", help="Approximate distance between stereo pairs [m].")
     ] = 3.0,
+    like: Annotated[
+        str,
+        typer.Option(
+            "--like",
+            help="Road, scanner, density and images as in a paper, where not given: radon-2002, obb-2023 or stereo-1992.",
+            metavar="PAPER",
+        ),
+    ] = "",
     overwrite: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -77,22 +89,25 @@ def simulate_command(
     import numpy as np
 
     from linework.library.progress import open_display
-    from linework.library.simulate import simulate_to
+    from linework.library.simulate import LIKE, simulate_to
     from linework.runs.steps import RunSteps
 
     # Without images it takes seconds: no progress is shown
     with open_display(quiet=quiet or no_images) as display:
         survey, n_pairs = simulate_to(
             out, RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
-            scanner=scanner, conditions=conditions, holes=holes, images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+            scanner=scanner, conditions=conditions, holes=holes, front_wheels=front_wheels,
+            images=not no_images, image_size=image_size, image_every_m=image_every_m, like=like, overwrite=overwrite,
         )  # fmt: skip
     kinds, counts = np.unique(survey.truth.kind, return_counts=True)
     result = {
         "survey": str(out),
-        "road": road,
-        "scanner": scanner,
+        "like": like,
+        "road": LIKE[like].road if like and road == "straight" else road,
+        "scanner": LIKE[like].scanner if like and scanner == "default" else scanner,
         "conditions": conditions,
         "holes": holes,
+        "front_wheels": front_wheels or bool(like and LIKE[like].front_wheels),
         "seed": seed,
         "length_m": length_m,
         "n_points": len(survey.points),

@@ -17,6 +17,7 @@ from linework.cli.options import (
     Overwrite,
     Quiet,
     RunFile,
+    SetValues,
     SurveyArgument,
     WorkFolder,
     read_settings,
@@ -65,6 +66,32 @@ def trace_command(
             help="Kind of line, e.g. road_boundary; default: that of the nearest line.",
         ),
     ] = "",
+    method: Annotated[
+        str, typer.Option("--method", help="auto, or obb-2023: as published, in laser points.")
+    ] = "auto",
+    search_length_m: Annotated[
+        float | None,
+        typer.Option("--search-length", metavar="M", help="obb-2023: distance from box to box [m]."),
+    ] = None,
+    search_width_m: Annotated[
+        float | None,
+        typer.Option("--search-width", metavar="M", help="obb-2023: width of the box that is moved on [m]."),
+    ] = None,
+    radius_m: Annotated[
+        float | None, typer.Option("--radius", metavar="M", help="obb-2023: radius of the search area [m].")
+    ] = None,
+    intensity: Annotated[
+        str,
+        typer.Option(
+            "--intensity", metavar="MIN,MAX", help="obb-2023: intensities of paint; default: as proposed."
+        ),
+    ] = "",
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain", help="Also print what the search area about --at shows: normals, floor, intensities."
+        ),
+    ] = False,
     append: Annotated[
         bool,
         typer.Option(
@@ -72,6 +99,7 @@ def trace_command(
         ),
     ] = False,
     config: RunFile = None,
+    set_values: SetValues = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
     work: WorkFolder = None,
@@ -85,7 +113,13 @@ def trace_command(
     edges in stereo images (--image with --at-px). A pick that is not on a line is refused with the reason and the
     nearest pick that works. The tile store is kept for later commands, as by extract.
     """
-    _check_pick(at, image, at_px, toward, config)
+    published = (
+        *((f"search_length_m={search_length_m}",) if search_length_m is not None else ()),
+        *((f"search_width_m={search_width_m}",) if search_width_m is not None else ()),
+        *((f"radius_m={radius_m}",) if radius_m is not None else ()),
+        *(_intensity_range(intensity) if intensity else ()),
+    )
+    _check_pick(at, image, at_px, toward, config, explain=explain, method=method, published=published)
     if image is not None:
         _trace_image(
             surveys, image, at_px, output, feature=feature, crs=crs, allow_outside=allow_outside, work=work,
@@ -101,7 +135,7 @@ def trace_command(
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format
-        from linework.library.trace import kinds_to_compile, traced_line
+        from linework.library.trace import kinds_to_compile, search_area_at, traced_line
         from linework.runs.compile import compile_stage, compiled_for
         from linework.runs.opened.recordings import opened_recordings
         from linework.runs.opened.work_folder import work_folder
@@ -110,22 +144,65 @@ def trace_command(
 
         check_format(output)
         check_pick_kind(feature)
-        settings, steps = read_settings(config), RunSteps(display)
+        settings = read_settings(config, [*(set_values or ()), *(f"obb_2023.{one}" for one in published)])
+        steps = RunSteps(display)
         survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         folder = work_folder(survey.root, work)
-        to_compile = kinds_to_compile(feature, in_image=False)
-        compile_stage(compiled_for(survey, to_compile, images=False), steps)
+        if method == "auto":
+            to_compile = kinds_to_compile(feature, in_image=False)
+            compile_stage(compiled_for(survey, to_compile, images=False), steps)
         recordings = held.enter_context(opened_recordings(survey, folder, images=False, steps=steps))
-        found = traced_line(recordings, place, kind=feature, toward=target, settings=settings, steps=steps)
+        shown = search_area_at(recordings, place, settings) if explain else None
+        if shown is not None:
+            # On stderr with --json, before a pick may be refused: why is what one looks for
+            say(*shown.as_text(), to_stderr=as_json)
+        found = traced_line(
+            recordings, place, kind=feature, toward=target, settings=settings, steps=steps, method=method
+        )
         with steps.step("write line"):
             _write(found.lines, output, append=append and output.exists(), overwrite=overwrite or append)
     _print(found, output, as_json=as_json)
     _report_left_out(recordings, found, output)
 
 
-def _check_pick(at: str, image: Path | None, at_px: str, toward: str, config: Path | None) -> None:
-    """Raise UsageError unless there is exactly one pick, by position or by pixel."""
+def _intensity_range(text: str) -> tuple[str, str]:
+    """Return the settings of a range of intensities.
+
+    Raises
+    ------
+    UsageError
+        The text is not two rising numbers.
+    """
     from linework.errors import UsageError
+
+    low, _, high = text.partition(",")
+    try:
+        is_range = 0.0 <= float(low) < float(high)
+    except ValueError:
+        is_range = False
+    if not is_range:
+        raise UsageError(
+            f"{text!r} is not a range",
+            where="--intensity",
+            advice="give two rising numbers, for example 120,255",
+        )
+    return f"min_intensity={float(low)}", f"max_intensity={float(high)}"
+
+
+def _check_pick(
+    at: str, image: Path | None, at_px: str, toward: str, config: Path | None, *, explain: bool, method: str,
+    published: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Raise UsageError unless there is exactly one pick, by position or by pixel, and its options agree."""
+    from linework.errors import UsageError
+    from linework.tracing.as_published import check_trace_method
+
+    check_trace_method(method)
+    if published and method == "auto":
+        raise UsageError(
+            "search length, width, radius and intensities are settings of obb-2023", where="linework trace",
+            advice="give --method obb-2023, or omit them",
+        )  # fmt: skip
 
     in_image = image is not None or bool(at_px)
     if bool(at) == in_image:
@@ -138,7 +215,10 @@ def _check_pick(at: str, image: Path | None, at_px: str, toward: str, config: Pa
         raise UsageError(
             f"{missing} is missing", where="linework trace", advice="a pick in an image needs both"
         )
-    for option, is_given in (("--toward", bool(toward)), ("--config", config is not None)):
+    for option, is_given in (
+        ("--toward", bool(toward)), ("--config", config is not None), ("--explain", explain),
+        ("--method", method != "auto"),
+    ):  # fmt: skip
         if in_image and is_given:
             raise UsageError("only valid with --at", where=option, advice="omit it")
 

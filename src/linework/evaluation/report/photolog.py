@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import os
 import urllib.parse
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,9 +87,10 @@ def photolog_html(
 
     Notes
     -----
-    A page holds at most 500 thumbnails of at most 160 pixels, and 2000 keys. Names and notes are escaped.
+    A page holds at most 500 thumbnails of at most 160 pixels, and 2000 keys. Names and notes are escaped. Where
+    several cameras took images, the video camera's are shown, else those of the pairs, else those of a single camera.
     """
-    photos, events = log.photos or Photos(), log.events or Events()
+    photos, events = _of_one_camera(log.photos or Photos()), log.events or Events()
     chosen, step_m = _chosen(photos.places.chainage_m, every_m)
     warnings, failures = [], []
     if step_m > every_m:
@@ -117,6 +119,19 @@ def photolog_html(
         entries=entries,
     )
     return PhotologPage(html, len(chosen), step_m, tuple(warnings), tuple(failures))
+
+
+def _of_one_camera(photos: Photos) -> Photos:
+    """Return the images of the camera that is shown: the video camera, the pairs, or a single camera."""
+    shown = next((name for name in ("video", "", "left", "right") if name in photos.camera), None)
+    if shown is None:
+        return photos
+    index = np.array([i for i, name in enumerate(photos.camera) if name == shown], dtype=np.int64)
+    return Photos(
+        places=photos.places.take(index), number=photos.number[index],
+        left=tuple(photos.left[i] for i in index), right=tuple(photos.right[i] for i in index),
+        camera=(shown,) * len(index),
+    )  # fmt: skip
 
 
 def _chosen(chainage_m: FloatArray, every_m: float) -> tuple[IntArray, float]:
@@ -175,7 +190,11 @@ def _link(file: Path, folder: Path) -> str:
 def _facts(log: VanLog, n_pictures: int, step_m: float) -> dict[str, str]:
     facts = {}
     if log.photos is not None:
-        facts["images"] = f"{len(log.photos):,} pairs, {n_pictures} shown, every {step_m:g} m"
+        counts = Counter(
+            name and f"of cameras.{name}" for name in log.photos.camera or [""] * len(log.photos)
+        )
+        taken = [f"{n:,} {name or 'pairs'}" for name, n in sorted(counts.items())] or ["0 pairs"]
+        facts["images"] = f"{', '.join(taken)}, {n_pictures} shown, every {step_m:g} m"
     if log.events is not None:
         facts["operator keys"] = f"{len(log.events):,}"
     return facts

@@ -27,7 +27,7 @@ _MAX_NAMED = 3
 
 
 def open_stereo(survey: Survey) -> StereoSeries | None:
-    """Find the stereo pairs of a survey, or return None where it has no cameras.
+    """Find the stereo pairs of a survey, or return None where it has no cameras that make pairs.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
     apart (`pair_by_time`). Times need not be equal: each camera has its own time stamps.
     """
     cameras = survey.settings.get("cameras")
-    if not cameras:
+    if not cameras or not survey.has_pairs:
         return None
     where = survey.settings_file or survey.root
     from linework.files.survey.toml import check_cameras

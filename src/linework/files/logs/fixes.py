@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
 from linework.files.logs.clock import in_seconds, in_time_order
 from linework.model.logs import GnssLog
@@ -44,12 +44,19 @@ class RawFixes:
         (n, 3) [m]: east, north, up; 0 or below where the receiver gives none.
     line_numbers
         (n,) line of each in the file.
+    quality
+        (n,) int64 kinds of the fixes, as in `linework.model.logs.GnssLog`; None where they are not stated.
     """
 
     time_s: FloatArray
     places: FloatArray
     sigma_m: FloatArray
     line_numbers: FloatArray
+    quality: AnyArray | None = None
+
+    def log(self, xyz: FloatArray) -> GnssLog:
+        """Return the fixes with their positions (n, 3) in the survey."""
+        return GnssLog(self.time_s, xyz, self.sigma_m, self.quality)
 
 
 def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]]:
@@ -71,5 +78,8 @@ def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]
     kept = good[order]
     if len(kept) == 0:
         raise InputError("no fix with sigmas above 0", where=path, advice="sigmas are in metres")
-    usable = RawFixes(time_s[kept], fixes.places[kept], fixes.sigma_m[kept], fixes.line_numbers[kept])
+    quality = None if fixes.quality is None else fixes.quality[kept]
+    usable = RawFixes(
+        time_s[kept], fixes.places[kept], fixes.sigma_m[kept], fixes.line_numbers[kept], quality
+    )
     return usable, (*remarks, *warnings, *more)

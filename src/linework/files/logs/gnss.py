@@ -12,11 +12,10 @@ from linework.files.logs.nmea import read_nmea
 from linework.files.logs.rtklib import read_rtklib_pos
 from linework.files.logs.tables import read_table
 from linework.files.logs.text import TextBlock, text_blocks
-from linework.model.logs import GnssLog
 
-_GRID = ("easting_m", "northing_m", "height_m")
-_DEGREES = ("latitude_deg", "longitude_deg", "ellipsoid_height_m")
-_SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
+GRID_COLUMNS = ("easting_m", "northing_m", "height_m")
+DEGREE_COLUMNS = ("latitude_deg", "longitude_deg", "ellipsoid_height_m")
+SIGMA_COLUMNS = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
 #: Lines searched for the format: a receiver may write other messages first.
 _FIRST_LINES = 1000
 
@@ -62,13 +61,13 @@ def _kind(path: Path) -> str:
 
 def _read_csv(path: Path, frame: EarthFrame) -> GnssContent:
     """Read ``time_s``, three columns of position and three of sigma."""
-    table = read_table(path, ("time_s", *_SIGMA), (_GRID, _DEGREES), one_of=True)
+    table = read_table(path, ("time_s", *SIGMA_COLUMNS), (GRID_COLUMNS, DEGREE_COLUMNS), one_of=True)
     columns = table.columns
-    names = _GRID if _GRID[0] in columns else _DEGREES
-    places, sigma = (np.stack([columns[name] for name in group], axis=1) for group in (names, _SIGMA))
+    names = GRID_COLUMNS if GRID_COLUMNS[0] in columns else DEGREE_COLUMNS
+    places, sigma = (np.stack([columns[name] for name in group], axis=1) for group in (names, SIGMA_COLUMNS))
     fixes, remarks = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
     warnings, xyz = (*table.warnings, *remarks), fixes.places
-    if names == _DEGREES:
+    if names == DEGREE_COLUMNS:
         placed = project_places(fixes.places, frame, where=path)
         warnings, xyz = (*warnings, *placed.warnings), placed.xyz
-    return GnssContent(GnssLog(fixes.time_s, xyz, fixes.sigma_m), warnings)
+    return GnssContent(fixes.log(xyz), warnings)

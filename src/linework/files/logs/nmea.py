@@ -26,13 +26,20 @@ from linework.files.logs.clock import gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.text import bad_lines_warning, text_blocks
 from linework.files.trajectories.oxts import UP_PER_PLAN
-from linework.model.logs import GnssLog
+from linework.model.logs import FIX_QUALITIES
 
 _WANTED = re.compile(r"[A-Z]{2}(GGA|RMC|ZDA|GST),")
 _DAY_S = 86_400.0
 #: Ranging error by quality of the fix [m]; times HDOP it is the error in plan: code, code with corrections, encrypted
 #: code, phase with fixed and with float ambiguities. Estimated (6) and manual (7) positions are not fixes.
 _RANGE_SIGMA_M = {1: 2.5, 2: 0.7, 3: 2.0, 4: 0.01, 5: 0.25, 8: 2.5}
+#: Kinds of fixes by the quality of GGA; encrypted code is code.
+_QUALITIES = {
+    code: FIX_QUALITIES.index(name)
+    for code, name in (
+        (1, "single"), (2, "differential"), (3, "single"), (4, "fixed"), (5, "float"), (8, "unknown"),
+    )
+}  # fmt: skip
 #: HDOP where a receiver gives none: usual under open sky.
 _USUAL_HDOP = 1.0
 
@@ -92,13 +99,16 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
     places, undulation, odd = _heights(values)
     if log.n_without_fix:
         odd = (*odd, f"{log.n_without_fix} of {log.n_without_fix + len(values)} epochs have no fix")
-    fixes, left_out = usable_fixes(path, RawFixes(seconds, np.column_stack([places, undulation]),
-                                                  _sigmas(log, values), values[:, 8]))  # fmt: skip
+    quality = np.array([_QUALITIES[int(code)] for code in values[:, 6]], dtype=np.int64)
+    raw = RawFixes(
+        seconds, np.column_stack([places, undulation]), _sigmas(log, values), values[:, 8], quality
+    )
+    fixes, left_out = usable_fixes(path, raw)
     placed = project_places(fixes.places[:, :3], frame, undulation_m=fixes.places[:, 3], where=path)
     if n_others:
         odd = (*odd, f"{n_others} lines hold no NMEA sentence")
     warnings = (*remarks, *more, *odd, *left_out, *placed.warnings)
-    return GnssContent(GnssLog(fixes.time_s, placed.xyz, fixes.sigma_m), warnings, epoch)
+    return GnssContent(fixes.log(placed.xyz), warnings, epoch)
 
 
 def _is_sound(sentence: str) -> bool:

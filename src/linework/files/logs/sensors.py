@@ -11,6 +11,7 @@ import numpy as np
 
 from linework.errors import ConfigError, InputError
 from linework.files.geodetic import EarthFrame
+from linework.files.logs.base import less_base_errors
 from linework.files.logs.clock import epoch_by_values, fitted_times, in_seconds, in_time_order, to_survey_time
 from linework.files.logs.fixes import GnssContent
 from linework.files.logs.gnss import read_gnss
@@ -41,7 +42,7 @@ def read_navigation_logs(survey: Survey) -> NavigationContent:
     Raises
     ------
     ConfigError
-        The survey names no GNSS log.
+        The survey names no GNSS log, or counts the front wheels of a vehicle without a wheelbase.
     InputError
         A file cannot be used; with its name and the line.
     """
@@ -49,7 +50,7 @@ def read_navigation_logs(survey: Survey) -> NavigationContent:
     if "gnss" not in named:
         raise ConfigError("no GNSS log: [navigation] names none", where=survey.root,
                           advice='add [navigation] gnss = "FILE" to the survey.toml')  # fmt: skip
-    gnss = read_gnss(survey.root / named["gnss"], EarthFrame.of(survey))
+    gnss = less_base_errors(read_gnss(survey.root / named["gnss"], EarthFrame.of(survey)), survey)
     warnings = [f"{Path(named['gnss']).name}: {text}" for text in gnss.warnings]
     gyro, wheels = None, None
     if "gyro" in named:
@@ -66,8 +67,20 @@ def read_navigation_logs(survey: Survey) -> NavigationContent:
     vehicle = survey.settings.get("vehicle", {})
     x, y, z = (float(v) for v in vehicle.get("gnss_lever_m", (0.0, 0.0, 0.0)))
     known = {key: float(vehicle[key]) for key in ("tick_m", "track_m") if key in vehicle}
+    known["wheelbase_m"] = front_wheelbase_m(survey)
     logs = NavigationLogs(gnss=fixes, gyro=gyro, wheels=wheels, gnss_lever_m=(x, y, z), **known)
     return NavigationContent(logs, (*warnings, *remarks, *more))
+
+
+def front_wheelbase_m(survey: Survey) -> float:
+    """Return the wheelbase where the front wheels are counted [m], 0 where the rear wheels are."""
+    vehicle = survey.settings.get("vehicle", {})
+    if vehicle.get("axle", "rear") == "rear":
+        return 0.0
+    if "wheelbase_m" not in vehicle:
+        raise ConfigError('vehicle.axle is "front", but there is no wheelbase_m', where=survey.settings_file or survey.root,
+                          advice="add the distance of the axles in metres: [vehicle] wheelbase_m = 3.2")  # fmt: skip
+    return float(vehicle["wheelbase_m"])
 
 
 def _on_the_surveys_clock(

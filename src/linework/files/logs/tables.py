@@ -75,8 +75,8 @@ def read_table(
         raise InputError(
             "is not a table of text (it holds NUL bytes)", where=path, advice="check what this file is"
         )
-    separator, there = _header(header)
-    names = _column_names(path, there, required, groups, one_of=one_of)
+    separator, there = header_cells(header)
+    names = column_names(path, there, required, groups, one_of=one_of)
     layout = _Layout(separator, len(there), tuple(there.index(name) for name in names))
     values, numbers, bad = _read_rows(rest, blocks, layout)
     warnings = bad_lines_warning(
@@ -148,7 +148,7 @@ def _values_of_line(line: str, layout: _Layout) -> list[float] | None:
     """Return the wanted numbers of a line, or None where it is cut off, garbled or not finite."""
     cells = line.split(layout.separator)
     if len(cells) != layout.n_cells and '"' in line:
-        cells = _split(line, layout.separator)
+        cells = split_cells(line, layout.separator)
     if len(cells) != layout.n_cells:
         return None
     wanted = [cells[i] for i in layout.places]
@@ -162,13 +162,24 @@ def _values_of_line(line: str, layout: _Layout) -> list[float] | None:
     return values if all(v - v == 0.0 for v in values) else None
 
 
-def _header(line: str) -> tuple[str, list[str]]:
+def csv_line(cells: Sequence[str]) -> str:
+    r"""Return one line of a CSV file, with its end; cells that hold separators are quoted.
+
+    >>> csv_line(["1.5", "sign, broken", ""])
+    '1.5,"sign, broken",\n'
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow([" ".join(cell.splitlines()) for cell in cells])
+    return text.getvalue()
+
+
+def header_cells(line: str) -> tuple[str, list[str]]:
     """Return the separator of a header row, and the names of its columns in lower case."""
     separator = max(",;\t", key=line.count)
-    return separator, [cell.strip().lower() for cell in _split(line, separator)]
+    return separator, [cell.strip().lower() for cell in split_cells(line, separator)]
 
 
-def _split(line: str, separator: str) -> list[str]:
+def split_cells(line: str, separator: str) -> list[str]:
     """Return the cells of a line, quotation marks resolved; none where it is not CSV."""
     try:
         return next(csv.reader([line], delimiter=separator), [])
@@ -176,7 +187,7 @@ def _split(line: str, separator: str) -> list[str]:
         return []
 
 
-def _column_names(
+def column_names(
     path: Path,
     there: Sequence[str],
     required: Sequence[str],
@@ -250,12 +261,12 @@ def read_text_table(
         Missing columns (all are named), not text, a line or a file that is too long.
     """
     lines = text_lines(path)
-    separator, cells = _header(lines[0][1] if lines else "")
+    separator, cells = header_cells(lines[0][1] if lines else "")
     _refuse_missing(path, [name for name in required if name not in cells], cells)
     wanted = {name: cells.index(name) for name in (*required, *optional) if name in cells}
     rows, numbers, bad = [], [], []
     for number, line in lines[1:]:
-        values = _split(line, separator)
+        values = split_cells(line, separator)
         if rest_in_last and len(values) > len(cells):
             values = [*values[: len(cells) - 1], separator.join(values[len(cells) - 1 :])]
         if len(values) == len(cells):

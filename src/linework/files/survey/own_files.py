@@ -42,6 +42,7 @@ def _named(settings: Mapping[str, Any]) -> Iterator[str]:
     for table, keys in (
         ("trajectory", ("file",)),
         ("navigation", ("gnss", "gyro", "wheels")),
+        ("gnss", ("base",)),
         ("events", ("file",)),
     ):
         yield from (_text(settings.get(table), key) for key in keys if _text(settings.get(table), key))

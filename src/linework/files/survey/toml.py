@@ -28,6 +28,10 @@ _POSITIVE = expect("a number above 0", lambda value: is_finite(value) and value 
 _COUNT = expect("a whole number above 0", lambda value: is_whole(value) and value > 0)
 _NUMBERS_3 = expect("a list of 3 finite numbers", lambda value: is_list_of(value, is_finite, 3))
 _NUMBERS_5 = expect("a list of 5 finite numbers", lambda value: is_list_of(value, is_finite, 5))
+_PLACE = expect(
+    "latitude (-90 to 90), longitude (-360 to 360) and height",
+    lambda value: is_list_of(value, is_finite, 3) and abs(value[0]) <= 90.0 and abs(value[1]) <= 360.0,
+)
 _TABLE = expect("a table", lambda value: isinstance(value, dict))
 
 
@@ -41,6 +45,28 @@ def _quaternion(value: Any) -> str:
     length = math.sqrt(sum(v * v for v in value))
     is_unit = abs(length - 1.0) <= _QUATERNION_TOLERANCE
     return "" if is_unit else f"a unit quaternion (this one has length {length:.3f})"
+
+
+#: Most keys, and longest name of one: four rows of six on a screen of 1024 x 600, each as large as a thumb.
+_MOST_KEYS, _LONGEST_KEY = 24, 40
+
+
+def _keys(value: Any) -> str:
+    """Say what [[live.keys]] must be: "" if it is."""
+    if not isinstance(value, list) or not all(isinstance(table, dict) for table in value):
+        return "tables [[live.keys]]"
+    if len(value) > _MOST_KEYS:
+        return f"at most {_MOST_KEYS} keys"
+    for table in value:
+        if set(table) - {"name", "kind"}:
+            return f"only name and kind in [[live.keys]], not {sorted(set(table) - {'name', 'kind'})[0]:.40}"
+        name = table.get("name")
+        if not isinstance(name, str) or not 0 < len(name.strip()) <= _LONGEST_KEY or not name.isprintable():
+            return f"a name of 1 to {_LONGEST_KEY} characters for each key"
+        if table.get("kind", "point") not in ("point", "span"):
+            return 'kind = "point" or "span" for each key'
+    names = [table["name"] for table in value]
+    return "" if len(set(names)) == len(names) else "a name of its own for each key"
 
 
 _CAMERA: Table = {
@@ -74,9 +100,17 @@ _SURVEY: Table = {
         "boresight_deg": _NUMBERS_3,
     },
     "navigation": {"gnss": _TEXT, "gyro": _TEXT, "wheels": _TEXT},
-    "vehicle": {"tick_m": _POSITIVE, "track_m": _POSITIVE, "gnss_lever_m": _NUMBERS_3},
+    "gnss": {"base": _TEXT, "base_m": _NUMBERS_3, "base_deg": _PLACE},
+    "vehicle": {
+        "tick_m": _POSITIVE,
+        "track_m": _POSITIVE,
+        "axle": _one_of("rear", "front"),
+        "wheelbase_m": _POSITIVE,
+        "gnss_lever_m": _NUMBERS_3,
+    },
     "cameras": _TABLE,
     "events": {"file": _TEXT},
+    "live": {"keys": _keys},
 }
 
 
@@ -103,4 +137,5 @@ def check_cameras(cameras: Mapping[str, Any], where: object) -> None:
     ConfigError
         An unknown key, or a value of the wrong type or out of its range.
     """
-    check_document({"left": _CAMERA, "right": _CAMERA}, cameras, where=where, prefix="cameras.")
+    known: Table = {"left": _CAMERA, "right": _CAMERA, "video": _CAMERA}
+    check_document(known, cameras, where=where, prefix="cameras.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from linework.files.geodetic import EarthFrame
 from linework.files.logs.clock import fitted_times, to_survey_time
 from linework.files.trajectories.content import TrajectoryContent
 from linework.files.trajectories.read import TrajectorySettings, read_trajectory_content
-from linework.model.images import StereoSeries
+from linework.model.images import SingleCamera, StereoSeries
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
@@ -91,6 +92,24 @@ def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Sur
     return replace(
         series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in remarks))
     )
+
+
+def single_on_clock_of(
+    cameras: Sequence[SingleCamera], trajectory: Trajectory | None, survey: Survey
+) -> tuple[SingleCamera, ...]:
+    """Return cameras without a partner on the clock of a trajectory, as `stereo_on_clock_of` does."""
+    if trajectory is None or not len(trajectory):
+        return tuple(cameras)
+    time = survey.settings.get("time", {})
+    span = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
+    found = []
+    for camera in cameras:
+        moved, remarks = fitted_times(
+            camera.time_s, str(time.get("epoch", "")), span, "", week=time.get("week")
+        )
+        said = tuple(f"cameras.{camera.name}: {text}" for text in remarks)
+        found.append(replace(camera, time_s=moved, warnings=(*camera.warnings, *said)))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)

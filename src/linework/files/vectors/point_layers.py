@@ -53,10 +53,18 @@ def point_layers(log: VanLog | Sequence[PointLayer] | None) -> tuple[PointLayer,
             "left": _names(photos.left, log.root),
             "right": _names(photos.right, log.root),
         }
+        if any(photos.camera):
+            # Cameras without a partner: their images have a column of their own, their number is in `pair`
+            is_single = np.array([bool(camera) for camera in photos.camera])
+            own["image"] = own["left"].copy()
+            own["image"][~is_single], own["left"][is_single] = None, None
+            own["camera"] = _texts([camera or "pair" for camera in photos.camera])
         layers.append(PointLayer(PHOTOLOG, photos.places.xyz, own | _fields(photos.places)))
     if log.events is not None:
         events = log.events
         own = {"key": _texts(events.key), "note": _texts(events.note)}
+        if any(events.span):
+            own["span"] = _texts(events.span)
         layers.append(PointLayer(EVENT, events.places.xyz, own | _fields(events.places)))
     return tuple(layers)
 
@@ -66,9 +74,9 @@ def _fields(places: LoggedPlaces) -> dict[str, AnyArray]:
     return {"time_s": places.time_s} | fields
 
 
-def _names(files: Sequence[Path], root: Path) -> AnyArray:
-    """Return file names relative to the survey's folder, so that a survey can be moved."""
-    return _texts([relative_path(file, root).as_posix() for file in files])
+def _names(files: Sequence[Path | None], root: Path) -> AnyArray:
+    """Return file names relative to the survey's folder, so that a survey can be moved; None for none."""
+    return _texts(["" if file is None else relative_path(file, root).as_posix() for file in files])
 
 
 def relative_path(file: Path, folder: Path) -> Path:

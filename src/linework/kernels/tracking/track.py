@@ -1,7 +1,7 @@
 """Tracking from box to box: the next box that collides with the prediction from the last ones.
 
-The tracker of W.-S. Kang, K.-H. Lee and J.-H. Lee (2023), doi:10.3390/rs15194656, with a prediction of its own. Boxes
-are sorted by the cells of a north-up lattice: `codes` is row * n_cols + col, ascending.
+The tracker of Seokchan Kang, Jeongwon Lee and Jiyeong Lee (2023), doi:10.3390/rs15194656, with a prediction of its own.
+Boxes are sorted by the cells of a north-up lattice: `codes` is row * n_cols + col, ascending.
 """
 
 from __future__ import annotations

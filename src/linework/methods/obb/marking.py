@@ -2,7 +2,7 @@
 
 Separate from `method`, which runs the steps in order: this is step 2.3, which needs intensities and no normals.
 
-W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656: the points within an intensity range chosen for the
+S. Kang, J. Lee, J. Lee (2023), doi:10.3390/rs15194656: the points within an intensity range chosen for the
 survey make a box. Here the range follows from the statistics of the search area, and centre, direction and width come
 from the two edges of the paint, fitted to the intensity of all the points around.
 """

@@ -1,7 +1,8 @@
 """The obb method on a page: lane markings and road boundaries by tracking oriented bounding boxes.
 
-W.-S. Kang, K.-H. Lee, J.-H. Lee (2023): Automatic extraction of road boundaries and lane markings by oriented
-bounding boxes, doi:10.3390/rs15194656. docs/methods/obb.md names what goes beyond the paper.
+S. Kang, J. Lee, J. Lee (2023): Developing a method to automatically extract road boundary and linear road markings from
+a mobile mapping system point cloud using oriented bounding box collision-detection techniques, Remote Sensing 15(19),
+4656, doi:10.3390/rs15194656. docs/methods/obb.md names what goes beyond the paper.
 """
 
 from __future__ import annotations
@@ -183,7 +184,7 @@ class Obb:
 
         References
         ----------
-        W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656.
+        S. Kang, J. Lee, J. Lee (2023), doi:10.3390/rs15194656.
 
         Examples
         --------

@@ -6,7 +6,7 @@ elsewhere [1]. Here the program names the failure, and proposes the nearest plac
 
 References
 ----------
-.. [1] W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), figures 2 to 4 and 8, doi:10.3390/rs15194656.
+.. [1] S. Kang, J. Lee, J. Lee (2023), figures 2 to 4 and 8, doi:10.3390/rs15194656.
 """
 
 from __future__ import annotations

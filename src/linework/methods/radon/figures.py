@@ -52,8 +52,8 @@ class FigureConfig(Settings):
     ridge_m: float = setting(
         1.0,
         unit="m",
-        reason="a rail fills 0.6 m of rho; ramps, hedges and trails are broader",
-        low=0.1,
+        reason="a rail fills 0.6 m of rho; ramps, hedges and trails are broader; 0: all count, as published",
+        low=0,
         high=100,
     )
     min_length_m: float = setting(
@@ -62,6 +62,11 @@ class FigureConfig(Settings):
         reason="two bays of a guardrail; chance alignments of bushes are shorter",
         low=0,
         high=10000,
+    )
+    by_maximum: bool = setting(
+        False,
+        unit="",
+        reason="true: the highest point of a cell is in the band, as published; false: any point",
     )
     max_lines: int = setting(
         20, unit="lines", reason="more cannot be told apart in a picture", low=0, high=1000
@@ -104,14 +109,15 @@ def find_candidate_lines(binary: Image, config: FigureConfig) -> CandidateLines:
 
     Candidate lines are straight and run across the whole image, as in the paper: they show what the transform
     detects. Extraction works in windows instead, so that roads may bend. Over a whole image, tree crowns and ramps
-    add up to more than a rail, so peaks are searched for in the ridges of the Radon image.
+    add up to more than a rail, so peaks are searched for in the ridges of the Radon image; in the Radon image itself,
+    as published, if `ridge_m` is 0.
     """
     radon = radon_transform(binary, evenly_spaced_angles(config.step_deg))
     windows = {
         "theta_window_rad": math.radians(config.theta_window_deg),
         "rho_window_m": config.rho_window_m,
     }
-    thin = ridges(radon, width_m=config.ridge_m)
+    thin = ridges(radon, width_m=config.ridge_m) if config.ridge_m else radon
     peaks = find_peaks(thin.values, thin.angles_rad, thin.rho_m, threshold=config.min_length_m, **windows)
     first = slice(0, config.max_lines)
     strongest = Peaks(peaks.theta_rad[first], peaks.rho_m[first], peaks.strength_m[first])
@@ -172,6 +178,7 @@ def raster_figures(
     *,
     crs_name: str,
     normal: Float32Array | None = None,
+    candidates: list[CandidateLines] | None = None,
 ) -> Iterator[RasterFigure]:
     """Yield the figures one by one, so that only one is in memory at a time.
 
@@ -185,6 +192,8 @@ def raster_figures(
         Name of the CRS, for the captions.
     normal
         (n,) float32: intensities normalised so that asphalt is 1, or None.
+    candidates
+        Takes the candidate lines once they are found.
     """
     raw = rasterise(points, grid)
     caption = _Caption(crs_name, close_ups(raw.density, *MAP_CLOSE_UP_M))
@@ -200,7 +209,13 @@ def raster_figures(
     yield caption.figure("height_above_road", "Highest point above the road", above, _ABOVE_ROAD)
     # Figure 5 without and with the candidate lines; figures 6 and 7: Radon image, dilation and peaks
     binary = in_height_band(points.xyz, height_m, grid, config.low_m, config.high_m)
-    yield from _candidates(binary, raw.density, caption, config)
+    if config.by_maximum:
+        # The maximum image tells houses from rails
+        binary = Image((above.values >= config.low_m) & (above.values <= config.high_m), grid)
+    found = find_candidate_lines(binary, config)
+    if candidates is not None:
+        candidates.append(found)
+    yield from _candidates(binary, found, raw.density, caption, config)
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,14 +272,13 @@ def _measured(raw: RasterImages, caption: _Caption) -> Iterator[RasterFigure]:
 
 
 def _candidates(
-    binary: Image, density: Image, caption: _Caption, config: FigureConfig
+    binary: Image, found: CandidateLines, density: Image, caption: _Caption, config: FigureConfig
 ) -> Iterator[RasterFigure]:
     band = f"{config.low_m:g} to {config.high_m:g} m above the road"
     style = Style(classes=((1, "#cfcfca", "points, none in the band"), (2, "black", f"points {band}")))
     drawn = Image((density.values > 0).astype(np.uint8) + binary.values, binary.grid)
     zero_or_one = Image(binary.values.astype(np.uint8), binary.grid)
     yield caption.figure("binary", "Binary image", zero_or_one, style, drawn=drawn)
-    found = find_candidate_lines(binary, config)
     peaks, radon, dilated = found.peaks, found.radon, found.dilated
     names = [str(k + 1) for k in range(len(peaks))]
     ends = line_ends(peaks, radon)

@@ -3,9 +3,9 @@
 Box A is moved by the search length along the line to A'; box B is what was found in the points there. Where A' and B
 collide (separating axes), and B lies and points as the boxes so far predict, their centres are joined.
 
-W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656. Beyond the paper, the prediction (a parabola through
-the last boxes, with its covariance) determines the length and the width of the search, carries it over gaps, and every
-line of a survey is tracked once.
+Seokchan Kang, Jeongwon Lee, Jiyeong Lee (2023), doi:10.3390/rs15194656. Beyond the paper, the prediction (a parabola
+through the last boxes, with its covariance) determines the length and the width of the search, carries it over gaps,
+and every line of a survey is tracked once.
 """
 
 from __future__ import annotations

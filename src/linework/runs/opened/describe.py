@@ -14,14 +14,16 @@ from linework.crs import describe_crs, has_height
 from linework.errors import InputError, LineworkError
 from linework.files.images.pair_check import check_pairs
 from linework.files.images.series import open_stereo
+from linework.files.images.single import no_pairs_message, open_single_cameras
 from linework.files.logs.keys import read_events
 from linework.files.logs.sensors import read_navigation_logs
 from linework.files.store.facts import FileFacts, StoreFacts
-from linework.files.trajectories.of_survey import VanPath, read_van_path
+from linework.files.trajectories.of_survey import VanPath, read_van_path, single_on_clock_of
 from linework.imaging.rectify import rectifier_of
 from linework.imaging.scan_lines import scan_line_spacing_m
 from linework.model.camera import Camera
 from linework.model.images import StereoSeries
+from linework.model.logs import FIX_QUALITIES
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
@@ -49,7 +51,7 @@ def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, An
         Nothing in it can be used.
     """
     van = describe_van(survey, with_path=read is None)
-    if read is None and van.cameras is None and not van.logs and van.trajectory is None:
+    if read is None and van.cameras is None and not van.single and not van.logs and van.trajectory is None:
         problem = van.failures[0]["problem"].rstrip(".") if van.failures else "holds nothing that can be used"
         raise InputError(problem, where=survey.name, advice="see the manual for what a survey is made of")
     path = van.trajectory if read is None else read.trajectory
@@ -59,6 +61,7 @@ def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, An
         **(_NO_POINTS if read is None else _points(read)),
         "trajectory": None if path is None else _path(path),
         "cameras": van.cameras,
+        "single_cameras": van.single,
         "logs": van.logs,
     }
     document["warnings"] = [*document["warnings"], *van.warnings]
@@ -190,7 +193,9 @@ class VanRecordings:
     Parameters
     ----------
     cameras
-        Document for people and JSON; None without cameras.
+        Document for people and JSON; None without pairs of cameras.
+    single
+        Documents by name: cameras without a partner.
     logs
         Documents by name: gnss, gyro, wheels, events.
     trajectory
@@ -200,6 +205,7 @@ class VanRecordings:
     """
 
     cameras: dict[str, Any] | None = None
+    single: dict[str, dict[str, Any]] = field(default_factory=dict)
     logs: dict[str, dict[str, Any]] = field(default_factory=dict)
     trajectory: Trajectory | None = None
     warnings: list[str] = field(default_factory=list)
@@ -230,6 +236,14 @@ def describe_van(survey: Survey, *, with_path: bool) -> VanRecordings:
         found.warnings += path.warnings
     if series is not None:
         _add_cameras(series, survey.name, found)
+    if survey.single_cameras:
+        alone = found.tried("cameras", lambda: open_single_cameras(survey))
+        for camera in single_on_clock_of(alone or (), found.trajectory, survey):
+            about = _log(survey.settings["cameras"][camera.name]["images"], camera.time_s)
+            about |= {"images": about.pop("rows"), "first_image": str(camera.files[0])}
+            found.single[camera.name] = about
+            found.warnings += camera.warnings
+        found.warnings += no_pairs_message(survey)
     if "gnss" in survey.settings.get("navigation", {}):
         _add_logs(survey, found)
     if "file" in survey.settings.get("events", {}):
@@ -292,6 +306,10 @@ def _add_logs(survey: Survey, found: VanRecordings) -> None:
     ):
         if log is not None:
             found.logs[name] = _log(named[name], log.time_s)
+    if content.logs.gnss.quality is not None:
+        codes, counts = np.unique(content.logs.gnss.quality, return_counts=True)
+        by_name = {FIX_QUALITIES[code]: n for code, n in zip(codes.tolist(), counts.tolist(), strict=True)}
+        found.logs["gnss"]["quality"] = by_name
 
 
 def _log(file: str, time_s: FloatArray) -> dict[str, Any]:

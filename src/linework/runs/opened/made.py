@@ -29,7 +29,7 @@ _HEAD = "# Made by linework, and removed by `linework clean`. What is not listed
 #: Names of the files in stores and runs, parts of unfinished ones among them. Others were put there by somebody else, and
 #: stay. Lines lie in a folder of their own while a job of the workbench makes them.
 _FILES = re.compile(
-    r"\d+\.points|runs\.npy|(store|surface|run)\.json|[\w.+-]+\.arrays|surface-[\w.+-]+\.lock|journal\.sqlite"
+    r"\d+\.points|runs\.npy|(store|surface|run)\.json|[\w.+-]+\.arrays|surface-[\w.+-]+\.lock|journal\.sqlite|live\.jsonl"
     r"|(given|located)-[0-9a-f]{16}\.csv|\.[\w.+-]+\.part(\.\w+)?"
 )
 _JOB_FOLDER, _JOB_FILES = "runs/workbench-", re.compile(r"\.?lines\.([\w.-]*\.)?gpkg(\.run\.json|\.lock)?")

@@ -11,11 +11,14 @@ from typing import Generic, TypeVar
 
 from linework.errors import ConfigError, CrsError, InputError, LineworkError, MissingPackageError, check_extra
 from linework.files.images.series import open_stereo
+from linework.files.images.single import no_pairs_message, open_single_cameras
+from linework.files.logs.keys import events_file
 from linework.files.logs.photolog import van_log
 from linework.files.logs.sensors import read_navigation_logs
 from linework.files.output.record import hash_file
-from linework.files.trajectories.of_survey import read_van_path, stereo_on_clock_of
+from linework.files.trajectories.of_survey import read_van_path, single_on_clock_of, stereo_on_clock_of
 from linework.files.trajectories.read import write_trajectory
+from linework.model.images import SingleCamera
 from linework.model.logs import VanLog
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
@@ -63,6 +66,8 @@ class Recordings:
     ----------
     points, stereo
         None where the survey has none, or none was asked for.
+    single
+        Cameras without a partner, on the clock of the trajectory; their images are for the photolog.
     messages
         One line each on how the trajectory was made, if the survey came without one.
     problems
@@ -74,6 +79,7 @@ class Recordings:
     survey: Survey
     points: OpenedSurvey | None
     stereo: OpenedStereo | None
+    single: tuple[SingleCamera, ...] = ()
     messages: tuple[str, ...] = ()
     problems: tuple[tuple[str, str], ...] = ()
     hashes: Mapping[Path, str] = field(default_factory=dict)
@@ -88,9 +94,12 @@ class Recordings:
     def identity(self) -> dict[str, object]:
         """What the lines depend on besides the bytes of the files: settings, times of images, path, keys."""
         pairs = self.stereo.pairs if self.stereo else ()
-        events = self.survey.settings.get("events", {}).get("file")
-        keys = self.survey.root / events if events else None
+        keys = events_file(self.survey)
+        # Only where there are such images: the identity of other surveys stays
+        images = [(camera.name, camera.files, camera.time_s.tolist()) for camera in self.single]
+        alone = {"images": hashlib.sha256(repr(images).encode()).hexdigest()}
         return {
+            **(alone if self.single else {}),
             "survey": self.survey.settings,
             "carry": self.survey.carry,
             "pairs": hashlib.sha256(repr(pairs).encode()).hexdigest(),
@@ -108,8 +117,9 @@ class Recordings:
     def van_log(self) -> Opened[VanLog]:
         """Open the van's log: images and the operator's keys, placed on the trajectory."""
         series = self.stereo.series if self.stereo else None
-        name = self.survey.settings.get("events", {}).get("file", "")
-        return tried(name, lambda: van_log(self.survey, series, self.trajectory))
+        keys = events_file(self.survey)
+        name = "" if keys is None else self.survey.settings.get("events", {}).get("file", keys.name)
+        return tried(name, lambda: van_log(self.survey, series, self.trajectory, self.single))
 
 
 @contextlib.contextmanager
@@ -140,7 +150,8 @@ def opened_recordings(
         points: Opened[OpenedSurvey] = Opened("laser points")
         pairs: Opened[OpenedStereo] = Opened("stereo pairs")
         wants_points = laser and bool(survey.point_files)
-        wants_pairs = images and bool(survey.settings.get("cameras"))
+        wants_pairs = images and survey.has_pairs
+        cameras: Opened[tuple[SingleCamera, ...]] = Opened("cameras")
         if wants_points or wants_pairs:
             # Points are processed without a trajectory; pairs cannot be, and say so
             errors = (InputError, ConfigError, CrsError)
@@ -153,14 +164,23 @@ def opened_recordings(
         if wants_pairs:
             faults = (InputError, ConfigError, MissingPackageError)
             pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps), faults)
+        if images and survey.single_cameras:
+            messages += no_pairs_message(survey)
+            cameras = tried(cameras.name, lambda: open_single_cameras(survey))
         if points.value is None and pairs.value is None:
+            if pairs.error is None and cameras.error is not None:
+                pairs = Opened(pairs.name, error=cameras.error)
             raise _nothing_usable(survey, logs, points, pairs, laser=laser, images=images)
+        opened = pairs.value or points.value
+        single = single_on_clock_of(cameras.value or (), opened.trajectory if opened else None, survey)
+        messages += tuple(text for camera in single for text in camera.warnings)
         yield Recordings(
             survey=found,
             points=points.value,
             stereo=pairs.value,
+            single=single,
             messages=messages,
-            problems=tuple((one.name, str(one.error)) for one in (logs, points, pairs) if one.error),
+            problems=tuple((one.name, str(one.error)) for one in (logs, points, pairs, cameras) if one.error),
             hashes=_hashes(found, points.value, pairs.value),
         )
 
@@ -176,6 +196,9 @@ def _nothing_usable(
 ) -> LineworkError:
     """Return the error of a survey of which no recording can be used."""
     if points.error is None and pairs.error is None:
+        if images and survey.single_cameras and not survey.has_pairs:
+            return InputError("one camera takes no stereo pairs, and there are no laser points to find lines in",
+                              where=survey.name, advice="see its images with linework photolog")  # fmt: skip
         asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
         return InputError(f"no {asked} in this survey", where=survey.name,
                           advice="see what there is with linework info")  # fmt: skip

@@ -36,13 +36,14 @@ def simulate_logs(
     for first, last in outages_s:
         there &= (since < first) | (since > last)
     gyro = None if grades.gyro is None else _gyro(drive, grades.gyro, grades.tilt, rng)
-    wheels = None if grades.wheels is None else _wheels(drive, grades.wheels, grades.track_m, rng)
+    wheels = None if grades.wheels is None else _wheels(drive, grades.wheels, grades, rng)
     return NavigationLogs(
         gnss=GnssLog(gnss.time_s[there], gnss.xyz[there] + np.asarray(origin_m), gnss.sigma_m[there]),
         gyro=gyro,
         wheels=wheels,
         tick_m=0.02 if grades.wheels is None else grades.wheels.tick_m,
         track_m=grades.track_m,
+        wheelbase_m=grades.wheelbase_m if grades.counts_front else 0.0,
         gnss_lever_m=grades.gnss_lever_m,
     )
 
@@ -91,14 +92,17 @@ def _gyro(drive: Drive, grade: GyroGrade, tilt: TiltGrade | None, rng: np.random
     return GyroLog(time, reading, exact + np.radians(error))
 
 
-def _wheels(drive: Drive, grade: WheelGrade, track_m: float, rng: np.random.Generator) -> WheelLog:
-    """Return running counts; in bends the two rear wheels run different ways."""
+def _wheels(drive: Drive, grade: WheelGrade, van: SensorGrades, rng: np.random.Generator) -> WheelLog:
+    """Return running counts; in bends the two wheels run different ways, and those in front the longer ones."""
     time = _times(drive, grade.rate_hz)
     step = np.linalg.norm(np.diff(drive.xyz, axis=0), axis=1)
     turn = -np.diff(drive.yaw_rad)
     counts = []
     for sign, scale in ((1.0, grade.scale_left), (-1.0, grade.scale_right)):
-        path = np.concatenate([[0.0], np.cumsum(step + sign * 0.5 * track_m * turn)])
+        own = step + sign * 0.5 * van.track_m * turn
+        if van.counts_front:
+            own = np.hypot(own, van.wheelbase_m * turn)
+        path = np.concatenate([[0.0], np.cumsum(own)])
         run = np.interp(time, drive.time_s, path)
         slip = np.cumsum(np.sqrt(np.abs(np.diff(run, prepend=0.0))) * rng.normal(size=len(run))) * grade.slip
         counts.append(np.floor((run + slip) / (1.0 + scale) / grade.tick_m + rng.uniform(0.0, 1.0)))
@@ -213,6 +217,8 @@ class SensorGrades:
         Antenna in the vehicle frame.
     track_m
         Between the two counted wheels.
+    counts_front, wheelbase_m
+        Whether the two front wheels are counted, and how far these are ahead of the rear axle. [m]
     """
 
     gnss: GnssGrade
@@ -221,6 +227,8 @@ class SensorGrades:
     wheels: WheelGrade | None = field(default_factory=WheelGrade)
     gnss_lever_m: tuple[float, float, float] = (0.6, -0.2, 1.9)
     track_m: float = 1.5
+    counts_front: bool = False
+    wheelbase_m: float = 3.0
 
 
 #: Phase measurements to a base station: 2 cm. Half of it multipath and air that change in half a minute.

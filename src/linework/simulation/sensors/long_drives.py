@@ -23,7 +23,7 @@ class DriveKind:
     leg_m
         Range of lengths between one event (turn, bend, stop) and the next.
     turn_share
-        Share of the events that are turns at junctions: 90 degrees, radius 8 to 15 m.
+        Share of the events that are turns at junctions, by 90 degrees.
     stop_share
         Share of the events that are stops of 3 to 30 s.
     radius_m
@@ -34,6 +34,8 @@ class DriveKind:
         Pulling away and braking.
     grade
         Largest slope. [m/m]
+    turn_m
+        Range of radii of turns at junctions.
     """
 
     speed_mps: tuple[float, float]
@@ -44,6 +46,7 @@ class DriveKind:
     bend_deg: float
     accel_mps2: float
     grade: float
+    turn_m: tuple[float, float] = (8.0, 15.0)
 
 
 URBAN = DriveKind((8.3, 13.9), (60.0, 300.0), 0.4, 0.3, (30.0, 150.0), 60.0, 1.5, 0.06)
@@ -95,7 +98,7 @@ def _events(
             at += rng.uniform(*kind.leg_m)
             continue
         is_turn = what < kind.stop_share + kind.turn_share
-        radius = rng.uniform(8.0, 15.0) if is_turn else rng.uniform(*kind.radius_m)
+        radius = rng.uniform(*kind.turn_m) if is_turn else rng.uniform(*kind.radius_m)
         angle = np.pi / 2.0 if is_turn else np.radians(rng.uniform(0.2, 1.0) * kind.bend_deg)
         # Clothoid in, arc, clothoid out; together they turn by the angle
         ramp = min(radius * angle / 2.0, max(4.0, 0.3 * radius))

@@ -25,10 +25,8 @@ from linework.workbench.server.sessions import Sessions
 MOST_SOCKETS = 32
 #: Methods that change nothing (RFC 9110, section 9.2.1).
 _SAFE = ("GET", "HEAD", "OPTIONS")
-_NO_SESSION = "no session: open the link that linework serve printed"
-_USED = (
-    "This link has been used, or belongs to another run. Open the newest link that linework serve printed.\n"
-)
+_NO_SESSION = "no session: open the link that linework printed"
+_USED = "This link has been used, or belongs to another run. Open the newest link that linework printed.\n"
 #: Headers that are dropped: a part of an answer costs more than the whole one, which is sent instead.
 _DROPPED = (b"range", b"if-range")
 

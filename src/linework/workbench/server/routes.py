@@ -20,6 +20,7 @@ from linework.model.lines import KINDS
 from linework.workbench.server.app_state import AppState, CurrentState, state_of_socket
 from linework.workbench.server.documents import line_documents
 from linework.workbench.server.problems import hide_paths
+from linework.workbench.views.point_classes import class_image
 from linework.workbench.views.pyramid import IMAGES, Lattice
 from linework.workbench.worker.open import SurveyFacts
 
@@ -118,16 +119,21 @@ def survey_document(app_state: AppState, *, busy: str) -> dict[str, Any]:
         "who": app_state.who,
         "kinds": [_kind(kind) for kind in KINDS],
         "choices": {column: list(words) for column, words in CHOICES.items()},
-        "images": [dict(zip(("name", "title", "unit"), image, strict=True)) for image in _images(facts)],
+        "images": _images(facts),
         "tiles": Lattice.of(facts.bounds).document(),
         "revision": line_file.revision,
         "busy": busy,
     }
 
 
-def _images(facts: SurveyFacts) -> tuple[tuple[str, str, str], ...]:
+def _images(facts: SurveyFacts) -> list[dict[str, Any]]:
     """Return the images of the plan view, which are made from points."""
-    return IMAGES if facts.n_points else ()
+    if not facts.n_points:
+        return []
+    plain: list[dict[str, Any]] = [
+        dict(zip(("name", "title", "unit"), image, strict=True)) | {"classes": []} for image in IMAGES
+    ]
+    return [*plain, class_image()]
 
 
 def _kind(kind: str) -> dict[str, Any]:

@@ -156,12 +156,12 @@ def _server(
 
     sessions = Sessions(port, lambda token: serving.renewed(url(token)))
     guard = Guard(app, sessions, port, page_files(), serving.save_log)
-    return _Server(
+    return ReadyServer(
         uvicorn.Config(guard, **uvicorn_settings()), lambda: serving.ready(app_state, url(sessions.token))
     )
 
 
-class _Server(uvicorn.Server):
+class ReadyServer(uvicorn.Server):
     """A server that reports when it is ready, and leaves signals to its caller."""
 
     def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:

@@ -40,7 +40,7 @@ def list_pairs(session: SurveySession) -> list[dict[str, Any]]:
     assert log.photos is not None
     usable = set(stereo.numbers.tolist())
     return [
-        document | {"number": number, "left": left.name, "right": right.name}
+        document | {"number": number, "left": left.name, "right": right.name if right else ""}
         for document, number, left, right in zip(
             _places(log.photos.places), log.photos.number.tolist(), log.photos.left, log.photos.right, strict=True
         )

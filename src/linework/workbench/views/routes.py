@@ -28,6 +28,7 @@ from linework.workbench.views.pairs import (
     no_such_pair_error,
     thumbnail_jpeg,
 )
+from linework.workbench.views.point_classes import CLASS_IMAGE, class_tile_png, lines_near_tile
 from linework.workbench.views.points import (
     MOST_SHOWN_POINTS,
     THICKEST_M,
@@ -36,6 +37,7 @@ from linework.workbench.views.points import (
     section_at,
 )
 from linework.workbench.views.pyramid import Lattice
+from linework.workbench.views.search_area import search_area_document
 from linework.workbench.views.tiles import prepare_tiles, tile_png
 
 views_router = APIRouter(prefix="/api")
@@ -83,7 +85,11 @@ async def get_tile(
         # While the user pans fast, tiles that are no longer in view are not made
         if await request.is_disconnected():
             return Response(status_code=204)
-        png: bytes = await app_state.pictures.ask(tile_png, image, wanted)
+        if image == CLASS_IMAGE:
+            near = lines_near_tile(app_state.line_file.lines, wanted)
+            png: bytes = await app_state.pictures.ask(class_tile_png, wanted, near)
+        else:
+            png = await app_state.pictures.ask(tile_png, image, wanted)
     if not png:
         return Response(status_code=204)
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})
@@ -110,6 +116,13 @@ async def get_section(
     """Return the points of a section across a heading, from a place: x to the right, y along it."""
     section = (east, north), heading_deg, half_width_m, thickness_m
     return Response(await app_state.pictures.ask(section_at, *section), media_type=_BINARY)
+
+
+@views_router.get("/search-area")
+async def get_search_area(app_state: CurrentState, east: QueryMetres, north: QueryMetres) -> dict[str, Any]:
+    """Return what the search area about a place shows: its points, its floor, and the histogram of intensities."""
+    found: dict[str, Any] = await app_state.pictures.ask(search_area_document, (east, north))
+    return found
 
 
 @views_router.post("/heights")

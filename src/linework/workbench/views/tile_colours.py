@@ -83,13 +83,13 @@ def tile_picture(image: str, layers: TileLayers, scale: ColourScale, cell_m: flo
         shade = _shade(layers, cell_m)[inner, inner]
         return _coloured(_surface(inside, cell_m), shade, scale)
     if image == "above_road":
-        return _indexed(_ramp_index(inside.above, _ABOVE_PLACES), _ABOVE_PALETTE)
+        return indexed_png(_ramp_index(inside.above, _ABOVE_PLACES), _ABOVE_PALETTE)
     if image == "density":
         with np.errstate(divide="ignore"):
             part = np.log(inside.density) / math.log(_DENSEST)
         part[inside.density == 0] = np.nan
-        return _indexed(_index(part), _DENSITY_PALETTE)
-    return _indexed(_index(scale.shine(inside.bright)), _GREY_PALETTE)
+        return indexed_png(_index(part), _DENSITY_PALETTE)
+    return indexed_png(_index(scale.shine(inside.bright)), _GREY_PALETTE)
 
 
 def _surface(layers: TileLayers, cell_m: float) -> AnyArray:
@@ -150,7 +150,8 @@ def _ramp_index(values: AnyArray, places: AnyArray) -> AnyArray:
     return _index(np.interp(values, places, np.linspace(0.0, 1.0, len(places))))
 
 
-def _indexed(index: AnyArray, palette: AnyArray) -> bytes:
+def indexed_png(index: AnyArray, palette: AnyArray) -> bytes:
+    """Return the PNG of uint8 indices (n, m) into a palette (256, 3); 0 is transparent."""
     image = PIL.Image.fromarray(index)
     image.putpalette(palette.tobytes())
     return _png(image, transparency=0)

@@ -12,7 +12,9 @@ from linework.published.stereo_1992 import (
     bright_pixels,
     centres_of_runs,
     chain_code,
+    codes_of,
     grouped,
+    images_of_steps,
     lines_in,
     straight_lines_of_pair,
     thinned,
@@ -123,3 +125,19 @@ def test_lines_are_intersected_where_they_are():
 def test_an_empty_road_shows_nothing():
     pair = RectifiedPair(road_image(()), road_image((), right=True), RIG)
     assert len(straight_lines_of_pair(pair)) == 0
+
+
+def test_chain_codes_lead_from_pixel_to_pixel():
+    around = np.array([[0, 0], [0, 1], [-1, 2], [-2, 2], [-3, 1], [-3, 0], [-2, -1], [-1, -1], [0, 0]])
+    assert codes_of(around) == "01234567"[:3] + "34567"
+    assert codes_of(around[:1]) == ""
+
+
+def test_the_images_of_the_steps_show_ever_less():
+    images = images_of_steps(road_image(LINES))
+    assert list(images) == ["grey", "median_minus_mean", "binary", "thinned", "chains"]
+    white = {name: np.count_nonzero(image == 255) for name, image in images.items() if name != "grey"}
+    assert white["binary"] > 2 * white["thinned"] >= 2 * white["chains"] > 400
+    # Grey values are shown about their mean
+    assert abs(float(np.median(images["median_minus_mean"])) - 128.0) < 30.0
+    assert all(image.dtype == np.uint8 for image in images.values())

@@ -1,0 +1,1 @@
+"""The page of the operator in the van: large keys for a touch screen, and how the drive goes."""
