@@ -49,6 +49,7 @@ async function undo(identity, button) {
     await send("/api/live/undo", { press: identity });
   } catch (error) {
     element("lag").textContent = error.message;
+    button.disabled = false;
   }
   await refresh();
 }
@@ -75,10 +76,7 @@ function show() {
   element("position").textContent = state.sigma_m === null ? "" : `± ${state.sigma_m.toFixed(2)} m`;
   element("driven").textContent = `${(state.driven_m / 1000).toFixed(2)} km`;
   showKeys();
-  const unsaved = [...waiting.values()].reverse().map((one) =>
-    row(one.key, one.failed ? one.problem : `not saved yet ${one.problem}`, one.failed ? "failed" : "waiting"));
-  const saved = state.presses.map((one) => row(label(one), place(one), "", one.press));
-  element("presses").replaceChildren(...unsaved, ...saved);
+  showPresses();
   element("notices").replaceChildren(...state.notices.map((one) => {
     const item = document.createElement("li");
     item.textContent = one.text;
@@ -89,6 +87,19 @@ function show() {
 
 const label = (one) => (one.span === "" ? one.key : `${one.key}: ${one.span}`);
 const place = (one) => (one.place === null ? `${one.time_s.toFixed(1)} s` : `${one.place[4].toFixed(0)} m, ${one.time_s.toFixed(1)} s`);
+
+// Rows are made anew only when one has changed, so that no button is replaced under a finger
+let shownPresses = "";
+
+function showPresses() {
+  const unsaved = [...waiting.values()].reverse().map((one) =>
+    [one.key, one.failed ? one.problem : `not saved yet ${one.problem}`, one.failed ? "failed" : "waiting"]);
+  const rows = [...unsaved, ...state.presses.map((one) => [label(one), place(one), "", one.press])];
+  const shown = JSON.stringify(rows);
+  if (shown === shownPresses) return;
+  shownPresses = shown;
+  element("presses").replaceChildren(...rows.map((one) => row(...one)));
+}
 
 function row(name, detail, kind, identity) {
   const item = document.createElement("li");
