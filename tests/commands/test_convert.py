@@ -102,3 +102,15 @@ def test_the_points_of_the_vans_log_go_along_or_are_told(linework, tmp_path):
     assert '"key":"m"' in (tmp_path / "b.geojson").read_text()
     found = linework("convert", source, tmp_path / "b.dxf")
     assert found.code == 0 and "event (1 points) left out, .dxf files hold only lines" in found.stderr
+
+
+def test_feature_codes_name_the_layers_of_a_drawing(linework, lines, tmp_path):
+    (tmp_path / "codes.csv").write_text("kind,layer,code\nguardrail,B-RAIL,77\n")
+    found = linework("convert", lines, tmp_path / "a.dxf", "--codes", tmp_path / "codes.csv")
+    assert found.code == 0
+    assert "no row for cable" in found.stderr
+    assert "B-RAIL" in (tmp_path / "a.dxf").read_text()
+    found = linework("convert", lines, tmp_path / "a.kml", "--codes", tmp_path / "codes.csv")
+    assert found.code == 2
+    assert "--codes is for .dxf files" in found.stderr
+    assert not (tmp_path / "a.kml").exists()

@@ -20,6 +20,7 @@ from linework.arrays import FloatArray
 from linework.crs import LOCAL, stated_crs
 from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import filled_file_bytes
+from linework.files.vectors.cad_codes import CadCode, codes_of_lines
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
 from linework.model.lines import LineSet
@@ -40,8 +41,10 @@ _PATTERNS = ("solid", "dashed")
 _DASHED, _DASHED_PATTERN = "LINEWORK_DASHED", (2.0, 1.0, -1.0)
 
 
-def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
-    """Write lines as 3-D polylines on layers named for their kinds (called through `publish`)."""
+def write_dxf(
+    lines: LineSet, part: Path, kinds: Sequence[str] = (), *, codes: Sequence[CadCode] = ()
+) -> None:
+    """Write lines as 3-D polylines on layers named for their kinds, or by feature codes (called through `publish`)."""
     # No time of day, no random identifiers: the same lines give the same bytes.
     options: Any = ezdxf.options  # type: ignore[attr-defined]
     before = options.write_fixed_meta_data_for_testing
@@ -50,22 +53,41 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
         document = new("R2010", units=_METRES)
         document.appids.new(_APP)
         document.linetypes.add(_DASHED, pattern=_DASHED_PATTERN, description="dashed")
-        layers = _layers(lines)
-        for layer in ordered_layers([*layers, *kinds]):
-            red, green, blue = colour_of(layer.removesuffix("_solid").removesuffix("_dashed"))
-            linetype = _DASHED if layer.endswith("_dashed") else "Continuous"
-            document.layers.add(layer, true_color=rgb2int((red, green, blue)), linetype=linetype)
+        coded = codes_of_lines(lines, codes)
+        own = [name if code is None else code.layer for name, code in zip(_layers(lines), coded, strict=True)]
+        for layer, (colour, dashed) in _looks(own, kinds, codes).items():
+            if layer != "0":
+                linetype = _DASHED if dashed else "Continuous"
+                document.layers.add(layer, true_color=rgb2int(colour), linetype=linetype)
         space, values = document.modelspace(), field_values(lines)
-        for i in range(len(lines)):
-            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": layers[i]})
+        for i, code in enumerate(coded):
+            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": own[i]})
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
-            polyline.set_xdata(_APP, _extended_data(fields))
+            polyline.set_xdata(_APP, _extended_data(fields | ({} if code is None else {"code": code.code})))
         # ezdxf goes through a set of these, whose order differs between processes
         for used in sorted(document.entitydb.dxf_types_in_use()):
             document.classes.add_class(used)
         document.saveas(part)
     finally:
         options.write_fixed_meta_data_for_testing = before
+
+
+def _looks(
+    used: Sequence[str], kinds: Sequence[str], codes: Sequence[CadCode]
+) -> dict[str, tuple[tuple[int, int, int], bool]]:
+    """Return colour, and whether dashed, of each layer: those of all codes, or of all kinds, and the used ones."""
+    looks: dict[str, tuple[tuple[int, int, int], bool]] = {}
+    names: dict[str, str] = {}
+    for code in codes:
+        names.setdefault(code.layer.lower(), code.layer)
+        dashed = (code.linetype or code.pattern) == "dashed"
+        looks.setdefault(names[code.layer.lower()], (code.color or colour_of(code.kind), dashed))
+    for layer in ordered_layers([*used, *(() if codes else kinds)]):
+        # DXF tells layers apart without regard to case
+        if names.setdefault(layer.lower(), layer) == layer and layer not in looks:
+            kind = layer.removesuffix("_solid").removesuffix("_dashed")
+            looks[layer] = colour_of(kind), layer.endswith("_dashed")
+    return looks
 
 
 def _layers(lines: LineSet) -> list[str]:
@@ -89,7 +111,7 @@ def _extended_data(fields: Mapping[str, Any]) -> list[tuple[int, Any]]:
     return tags
 
 
-def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
+def verify_dxf(part: Path, lines: LineSet, path: Path, *, codes: Sequence[CadCode] = ()) -> None:  # noqa: ARG001
     """Read the file back and compare every coordinate.
 
     Raises

@@ -15,6 +15,7 @@ from linework.crs import LOCAL, describe_crs, parse_crs, same_plan
 from linework.errors import CrsError, LineworkWarning, UsageError, argument, check_extra, printable
 from linework.files.output.inputs import check_not_read
 from linework.files.output.publish import FileBeside, check_output, publish
+from linework.files.vectors.cad_codes import CadCode
 from linework.files.vectors.fields import check_writable
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.left_out import left_out_text
@@ -77,6 +78,7 @@ def write_lines(
     beside: Mapping[Path, FileBeside] | None = None,
     finish: Callable[[bytes], bytes] | None = None,
     heights: str = "crs",
+    codes: Sequence[CadCode] = (),
 ) -> None:
     """Write lines in the format of the suffix.
 
@@ -95,11 +97,13 @@ def write_lines(
         Adds tables to the bytes of a GeoPackage before they are written; ignored for other formats.
     heights
         Of a Lanelet2 map: those of the CRS, or above the ellipsoid ("ellipsoid"), which needs the grid of the geoid.
+    codes
+        Feature codes of a DXF file, as `linework.files.vectors.cad_codes.read_cad_codes` reads them.
 
     Raises
     ------
     UsageError
-        Not a path, unknown suffix, heights for another format than Lanelet2, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
+        Not a path, unknown suffix, heights for another format than Lanelet2, codes for another than DXF, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
         was opened would be replaced.
     OutputExistsError, MachineError
         As for `publish`.
@@ -128,6 +132,12 @@ def write_lines(
     elif heights != "crs":
         raise UsageError(f"{argument('heights', heights)} is for .osm files", where=path,
                          advice=f"leave {argument('heights')} out")  # fmt: skip
+    if path.suffix.lower() == ".dxf":
+        extra["codes"] = codes
+    elif codes:
+        raise UsageError(
+            f"{argument('codes')} is for .dxf files", where=path, advice=f"leave {argument('codes')} out"
+        )
     beside = dict(beside or {})
     prj = path.with_suffix(".prj")
     if path.suffix.lower() == ".dxf":

@@ -25,6 +25,14 @@ def convert(
         str,
         typer.Option("--heights", help="Heights in a Lanelet2 map (.osm): crs (as they are) or ellipsoid."),
     ] = "crs",
+    codes: Annotated[
+        Path | None,
+        typer.Option(
+            "--codes",
+            metavar="FILE",
+            help="Feature codes of a .dxf: CSV with kind, pattern, role, form, layer, code.",
+        ),
+    ] = None,
 ) -> None:
     """Convert LINES to another vector format.
 
@@ -34,6 +42,7 @@ def convert(
     from linework.cli.failures import warn
     from linework.errors import PartialError, UsageError, argument
     from linework.files.output.locks import reserve_output
+    from linework.files.vectors.cad_codes import codes_of_lines, read_cad_codes
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
         check_format,
@@ -56,12 +65,23 @@ def convert(
         raise UsageError(
             f"unknown heights '{heights}'", where=argument("heights"), advice="use crs or ellipsoid"
         )
-    with reserve_output(output, overwrite=overwrite, inputs=[lines]):
+    with reserve_output(output, overwrite=overwrite, inputs=[lines, codes]):
+        table = read_cad_codes(codes) if codes is not None else ()
         found, left_out = read_usable_lines(lines, crs=crs)
         points = read_point_layers(lines)
         write_lines(
-            found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights
+            found,
+            output,
+            kinds=sorted(set(found.kind)),
+            points=points,
+            overwrite=overwrite,
+            heights=heights,
+            codes=table,
         )
+    uncoded = sorted({kind for kind, code in zip(found.kind.tolist(), codes_of_lines(found, table), strict=True)
+                      if table and code is None})  # fmt: skip
+    if uncoded:
+        warn(f"{codes}: no row for {', '.join(uncoded)}: on layers named for the kinds")
     for warning in (*points_left_out(output, points), *not_expressed(found, output)):
         warn(warning)
     # Maps of lanes hold a part of the lines
