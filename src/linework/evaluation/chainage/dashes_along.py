@@ -31,7 +31,7 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
     measured; where it was bridged, the gap is not counted.
     """
     tree = cKDTree(axis.xyz[:, :2])
-    for name, line, ends in _dashes_by_marking(lines):
+    for name, line, ends in dashes_by_marking(lines):
         middles = ends.mean(axis=1)
         away, station = tree.query(middles)
         order = np.argsort(axis.station_m[station], kind="stable")
@@ -63,7 +63,7 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
                 yield Sample(s, offset, "marking", "gap_length", name, float(gaps[place]), math.nan)
 
 
-def _dashes_by_marking(lines: LineSet) -> Iterator[tuple[str, int, FloatArray]]:
+def dashes_by_marking(lines: LineSet) -> Iterator[tuple[str, int, FloatArray]]:
     """Yield the id and the number of each dashed marking, and the ends (k, 2, 2) of its dashes."""
     marks = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern == "dashed"))
     dashes = np.flatnonzero(lines.kind == "lane_marking_dash")

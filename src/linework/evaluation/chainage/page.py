@@ -31,6 +31,7 @@ _PLOTS = (
     ("clearance", "clearance", "min", "clearance: lowest wire above each lane [m]"),
     ("road", "lane_width", "mean", "lane width [m]"),
     ("road", "crossfall", "mean", "crossfall to the right [%]"),
+    ("marking", "remaining_paint", "mean", "markings: paint that is left [%]"),
     ("marking", "missing_dashes", "sum", "missing dashes [number]"),
 )
 _SIDES = {"left": ("#0072b2", "o"), "right": ("#d55e00", "s"), "axis": ("#444444", "^")}

@@ -12,6 +12,8 @@ import numpy as np
 
 from linework.errors import UsageError, argument
 from linework.evaluation.chainage.dashes_along import dash_samples
+from linework.evaluation.chainage.paint_along import paint_samples
+from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.chainage.samples import (
     Crossing,
     Sample,
@@ -29,6 +31,9 @@ STATISTICS = {
     ("marking", "dash_length"): ("mean",),
     ("marking", "gap_length"): ("mean",),
     ("marking", "missing_dashes"): ("sum",),
+    ("marking", "remaining_paint"): ("mean", "min"),
+    ("marking", "contrast"): ("mean",),
+    ("marking", "width"): ("mean",),
     ("guardrail", "top_height"): ("min", "p5", "mean"),
     ("guardrail", "offset_from_line"): ("mean",),
     ("guardrail", "gap"): ("sum",),
@@ -42,7 +47,16 @@ STATISTICS = {
     ("road", "grade"): ("mean",),
     ("road", "curvature"): ("mean",),
 }
-UNITS = {"crossfall": "%", "grade": "%", "curvature": "1/m", "missing_dashes": ""}
+UNITS = {
+    "remaining_paint": "%",
+    "contrast": "",
+    "crossfall": "%",
+    "grade": "%",
+    "curvature": "1/m",
+    "missing_dashes": "",
+}
+#: Measured anew at each piece, from its own points: their errors average out.
+_EACH_ITS_OWN = ("remaining_paint", "width")
 #: An axis is a line too: what is nearer to it than this is on no side. [m]
 _ON_AXIS_M = 0.3
 
@@ -96,7 +110,12 @@ class ChainageReport:
 
 
 def chainage_report(
-    lines: LineSet, axes: Sequence[Axis], *, every_m: float = 10.0, standard: str = ""
+    lines: LineSet,
+    axes: Sequence[Axis],
+    *,
+    every_m: float = 10.0,
+    standard: str = "",
+    paint: PaintPieces | None = None,
 ) -> ChainageReport:
     """Return what can be measured between lines, by intervals of routes.
 
@@ -106,6 +125,8 @@ def chainage_report(
         Length of an interval. [m]
     standard
         One of `LIMITS`, or "" for no limits.
+    paint
+        What the points show on the markings, for what is left of them; None: not reported.
 
     Raises
     ------
@@ -128,6 +149,7 @@ def chainage_report(
         samples = chain(
             station_samples(axis, here), clearance_samples(lines, axis, here), dash_samples(lines, axis),
             shape_samples(axis), _gap_samples(axis, here),
+            paint_samples(lines, axis, paint) if paint is not None else (),
         )  # fmt: skip
         rows += _summed_up(axis, samples, every_m, standard)
     return ChainageReport(rows, axes, crossings, every_m, standard)
@@ -166,7 +188,7 @@ def _summed_up(axis: Axis, samples: Iterable[Sample], every_m: float, standard: 
         known = [one for one in listed if one.value is not None]
         limit = limit_for(standard, topic, quantity)
         for statistic in STATISTICS[topic, quantity]:
-            value, sigma = _statistic(statistic, known)
+            value, sigma = _statistic(statistic, known, own=quantity in _EACH_ITS_OWN)
             rows.append(
                 ChainageRow(
                     axis.name, interval * every_m, min((interval + 1) * every_m, max(end, interval * every_m)), side, topic,
@@ -192,11 +214,11 @@ def _named_rhythm(row: ChainageRow, gaps: Sequence[Sample], standard: str) -> Ch
     )
 
 
-def _statistic(name: str, known: Sequence[Sample]) -> tuple[float | None, float | None]:
+def _statistic(name: str, known: Sequence[Sample], *, own: bool) -> tuple[float | None, float | None]:
     """Return a statistic of values and its standard deviation.
 
     Errors of neighbouring stations are those of one line and hardly average out: the deviation of a mean is the root
-    mean square of theirs. Of values without one (dashes) it is that of their mean, from their spread.
+    mean square of theirs; where each has errors of its `own`, it is smaller by the root of their number. Of values without one (dashes) it is that of their mean, from their spread.
     """
     if not known:
         return None, None
@@ -208,6 +230,8 @@ def _statistic(name: str, known: Sequence[Sample]) -> tuple[float | None, float 
     value = float(np.percentile(values, 5.0)) if name == "p5" else float(values.sum())
     if name == "mean":
         value /= len(values)
+    if own:
+        return value, _known(float(np.sqrt(np.sum(sigmas**2)) / len(sigmas)))
     if np.isfinite(sigmas).any():
         return value, _known(float(np.sqrt(np.nanmean(sigmas**2))))
     spread = (

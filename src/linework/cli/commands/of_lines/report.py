@@ -6,12 +6,16 @@ Separate from the other commands, as every command has its own file.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linework.cli.options import Crs, Overwrite
+from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, WorkFolder
 from linework.cli.said import say
+
+if TYPE_CHECKING:
+    from linework.evaluation.chainage.paint_points import PaintPieces
+    from linework.model.lines import LineSet
 
 
 def report_command(
@@ -31,13 +35,25 @@ def report_command(
     standard: Annotated[
         str, typer.Option("--standard", help="Limits to compare with: us, uk or de; default: none.")
     ] = "",
+    survey: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--survey",
+            metavar="SURVEY",
+            help="Points of the lines: what is left of the paint. Can be repeated.",
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
+    work: WorkFolder = None,
+    quiet: Quiet = False,
 ) -> None:
     """Report heights, widths and gaps of LINES by intervals of a route.
 
     Chainages refer to --route or --trajectory, else to the longest of the lines. Every value has its standard deviation
-    and the share that was measured; what was hidden is unknown.
+    and the share that was measured; what was hidden is unknown. With --survey also how much of the paint is left, its
+    contrast to the road and its width.
     """
     import dataclasses
 
@@ -76,7 +92,12 @@ def report_command(
         else:
             axes = own_routes(found)
             named = "the lines themselves: " + ", ".join(axis.name for axis in axes)
-        result = chainage_report(found, axes, every_m=every, standard=standard)
+        paint = (
+            _paint(found, survey, crs=crs, allow_outside=allow_outside, work=work, quiet=quiet)
+            if survey
+            else None
+        )
+        result = chainage_report(found, axes, every_m=every, standard=standard, paint=paint)
         if suffix == ".html":
             from linework.crs import describe_crs
             from linework.evaluation.chainage.page import chainage_page
@@ -98,3 +119,47 @@ def report_command(
                 names, rows, pieces, found.crs, output, layer="chainage", by="topic", overwrite=overwrite
             )
     say(f"{len(result.rows):,} rows in {output}; chainage along {named}")
+
+
+def _paint(
+    lines: LineSet, paths: list[Path], *, crs: str | None, allow_outside: bool, work: Path | None, quiet: bool
+) -> PaintPieces:
+    """Return what the points of a survey show on the markings."""
+    import contextlib
+
+    from linework.cli.failures import warn
+    from linework.crs import describe_crs, parse_crs
+    from linework.errors import InputError, argument
+    from linework.evaluation.chainage.paint_points import paint_pieces
+    from linework.files.survey.open import open_survey
+    from linework.library.progress import open_display
+    from linework.runs.opened.recordings import opened_recordings
+    from linework.runs.opened.store import usable_cores
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import RunSteps
+
+    with contextlib.ExitStack() as held:
+        steps = RunSteps(held.enter_context(open_display(quiet=quiet)))
+        survey = open_survey(paths, crs=crs, allow_outside=allow_outside)
+        if parse_crs(survey.crs) != parse_crs(lines.crs):
+            raise InputError(
+                f"is in {describe_crs(survey.crs)}, the lines in {describe_crs(lines.crs)}", where=paths[0],
+                advice="name the survey from which the lines are",
+            )  # fmt: skip
+        folder = work_folder(survey.root, work)
+        recordings = held.enter_context(
+            opened_recordings(survey, folder, images=False, n_threads=usable_cores(), steps=steps)
+        )
+        if recordings.points is None or not recordings.points.facts.has_intensity:
+            raise InputError(
+                "has no points with intensities", where=paths[0], advice=f"leave {argument('survey')} out"
+            )
+        for warning in recordings.warnings:
+            warn(warning)
+        store = recordings.points.points
+        with steps.step("look at the paint", unit="tiles") as advance:
+            return paint_pieces(
+                lines,
+                lambda area: store.points(area, ordered=False, with_time=False, with_columns=False),
+                advance,
+            )

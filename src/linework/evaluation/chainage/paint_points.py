@@ -1,0 +1,258 @@
+"""What laser points show on and beside markings: brightness as ratios to the road beside, piece by piece.
+
+Separate from `paint_along`, which draws conclusions from them: points are read here, tile by tile, and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import FloatArray, IntArray, distance_along
+from linework.evaluation.chainage.dashes_along import dashes_by_marking
+from linework.model.columns import Columns, column
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.model.points import Points
+
+#: Length of a piece, and of the chords that follow it through bends: 0.3 cm off the curve at a radius of 10 m. [m]
+_PIECE_M, _CHORD_M = 2.0, 0.5
+#: Inner part of the width of paint that is looked at: the edges are blurred by the spot of the beam. [share]
+CORE_SHARE = 0.5
+#: What is beside paint, from this far off its edge to that: a spot on the road is some 2 cm. [m]
+_BESIDE_M = (0.06, 0.36)
+#: Points of the road are this near to the line in height: legs, cars and kerbs are higher. [m]
+_NEAR_ROAD_M = 0.06
+#: Sides whose brightness varies by this much more than that of the other are not all road. [ratio]
+_UNEVEN = 1.5
+#: Fewest points beside a piece that give the brightness of the road.
+_LEAST_BESIDE = 8
+#: Steps of a profile across, and how far it reaches beyond the edges of the paint. [m]
+STEP_ACROSS_M, _BEYOND_M = 0.02, 0.2
+#: Ratios are counted in steps of 5 %, from 0.1 to 20: paint is 1.3 to 10 times as bright as road.
+_RATIO_STEP, _LEAST_RATIO, N_RATIOS = 0.05, 0.1, 107
+#: Points are read by tiles of this side. [m]
+_TILE_M = 64.0
+
+
+@dataclass(frozen=True, slots=True)
+class PaintPieces(Columns):
+    """What is on and beside pieces of markings.
+
+    Parameters
+    ----------
+    line
+        (p,) int64: number of the marking.
+    xy, length_m, width_m
+        (p, 2) middle [m, world], (p,) length of the piece and width of its marking. [m]
+    on, beside
+        (p, N_RATIOS) int64: points in the core of the paint, and beside it on the road, by their ratio to the
+        brightness of the road beside; see `ratio_of_bin`. All zero where the road beside was not hit.
+    road_sigma
+        (p,) relative standard deviation of the brightness of the road: half of what both sides differ by.
+    area_m2
+        (p,) area of the core. [m^2]
+    across_m, across_sigma_m
+        (p,) measured width of the paint and its standard deviation [m]; NaN where a part of the profile was not hit.
+    """
+
+    line: IntArray = column(np.int64)
+    xy: FloatArray = column(np.float64, 2)
+    length_m: FloatArray = column()
+    width_m: FloatArray = column()
+    on: IntArray = column(np.int64, N_RATIOS)
+    beside: IntArray = column(np.int64, N_RATIOS)
+    road_sigma: FloatArray = column()
+    area_m2: FloatArray = column()
+    across_m: FloatArray = column()
+    across_sigma_m: FloatArray = column()
+
+
+def ratio_of_bin() -> FloatArray:
+    """Return the ratio in the middle of each bin, (N_RATIOS,)."""
+    return np.asarray(_LEAST_RATIO * np.exp(np.log1p(_RATIO_STEP) * (np.arange(N_RATIOS) + 0.5)))
+
+
+def paint_pieces(
+    lines: LineSet, points_in: Callable[[Bounds], Points], advance: Callable[[int, int], None] | None = None
+) -> PaintPieces:
+    """Return what the points show on all lane markings that have a width; of dashed ones, on the dashes found.
+
+    Parameters
+    ----------
+    points_in
+        Returns all points within bounds, with intensities; those without have no paint.
+    advance
+        Called with the tiles done and all tiles.
+    """
+    numbers, pieces = [], []
+    for number, vertices in _painted(lines):
+        whole = _pieces_of(vertices)
+        numbers += [number] * len(whole)
+        pieces += whole
+    if not pieces:
+        return PaintPieces.empty()
+    middles = _middles(pieces)
+    tiles = np.floor(middles / _TILE_M).astype(np.int64)
+    found = []
+    every_tile = np.unique(tiles, axis=0).tolist()
+    for n_done, tile in enumerate(every_tile):
+        if advance is not None:
+            advance(n_done, len(every_tile))
+        rows = np.flatnonzero((tiles == tile).all(axis=1)).tolist()
+        here, whose = [pieces[row] for row in rows], np.array([numbers[row] for row in rows])
+        found.append(_looked_at(here, whose, lines.width_m[whose], points_in))
+    return PaintPieces.concatenate(found)
+
+
+def _painted(lines: LineSet) -> Iterator[tuple[int, FloatArray]]:
+    """Yield number and vertices (k, 3) of each stretch that should be painted."""
+    dashed = set(np.flatnonzero(lines.pattern == "dashed").tolist())
+    for _, number, ends in dashes_by_marking(lines):
+        if np.isfinite(lines.width_m[number]):
+            line = lines[number].xyz
+            nearest = cKDTree(line[:, :2])
+            for dash in ends:
+                z = line[nearest.query(dash)[1], 2]
+                yield number, np.column_stack([dash, z])
+    for number in np.flatnonzero((lines.kind == "lane_marking") & np.isfinite(lines.width_m)).tolist():
+        if number not in dashed:
+            yield number, lines[number].xyz
+
+
+def _pieces_of(vertices: FloatArray) -> list[FloatArray]:
+    """Return a line cut into pieces of equal length, about `_PIECE_M`, each with vertices every half metre."""
+    along = distance_along(vertices[:, :2])
+    if along[-1] < _CHORD_M:
+        return []
+    n = max(round(along[-1] / _PIECE_M), 1)
+    per_piece = max(round(along[-1] / n / _CHORD_M), 1)
+    at = np.linspace(0.0, along[-1], n * per_piece + 1)
+    even = np.stack([np.interp(at, along, c) for c in vertices.T], axis=1)
+    return [even[a : a + per_piece + 1] for a in range(0, n * per_piece, per_piece)]
+
+
+def _middles(pieces: list[FloatArray]) -> FloatArray:
+    """Return the middle (p, 2) of each piece."""
+    return np.stack([(one[(len(one) - 1) // 2, :2] + one[len(one) // 2, :2]) / 2 for one in pieces])
+
+
+def _looked_at(
+    pieces: list[FloatArray], line: IntArray, width_m: FloatArray, points_in: Callable[[Bounds], Points]
+) -> PaintPieces:
+    """Return what the points of one tile show."""
+    reach = 0.5 * float(width_m.max()) + _BESIDE_M[1]
+    every = np.concatenate(pieces)
+    low, high = every[:, :2].min(axis=0) - reach, every[:, :2].max(axis=0) + reach
+    points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+    chords = np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces])
+    owner = np.repeat(np.arange(len(pieces)), [len(piece) - 1 for piece in pieces])
+    piece, across, value = _on_chords(points, chords, owner, reach)
+    order = np.argsort(piece, kind="stable")
+    bounds = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
+    on, beside = np.zeros((2, len(pieces), N_RATIOS), dtype=np.int64)
+    road_sigma = np.zeros(len(pieces))
+    across_m = np.full((2, len(pieces)), np.nan)
+    for i, (a, b) in enumerate(pairwise(bounds.tolist())):
+        q, v = across[order[a:b]], value[order[a:b]]
+        sides = _road_beside(q, v, 0.5 * width_m[i])
+        if not sides:
+            continue
+        road = float(np.median(sides[0]))
+        if road > 0.0:
+            road_sigma[i] = 0.5 * abs(float(np.median(sides[-1])) - road) / road
+            on[i] = _counted(v[np.abs(q) <= 0.5 * CORE_SHARE * width_m[i]] / road)
+            beside[i] = _counted(sides[0] / road)
+            across_m[:, i] = _width_across(q, v / road, 0.5 * width_m[i])
+    length = np.array([float(np.linalg.norm(np.diff(one[:, :2], axis=0), axis=1).sum()) for one in pieces])
+    return PaintPieces(
+        line=line, xy=_middles(pieces), length_m=length, width_m=width_m, on=on, beside=beside, road_sigma=road_sigma,
+        area_m2=length * CORE_SHARE * width_m, across_m=across_m[0], across_sigma_m=across_m[1],
+    )  # fmt: skip
+
+
+def _on_chords(
+    points: Points, chords: FloatArray, owner: IntArray, reach: float
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return piece, distance across (positive to the left) and brightness of the points on the road beside chords."""
+    if points.intensity is None or not len(points):
+        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+    middle, half = chords.mean(axis=1), 0.5 * (chords[:, 1] - chords[:, 0])
+    length = np.linalg.norm(half[:, :2], axis=1)
+    tree = cKDTree(middle[:, :2])
+    away, nearest = tree.query(points.xyz[:, :2], distance_upper_bound=reach + float(length.max()))
+    near = np.flatnonzero(np.isfinite(away))
+    chord = nearest[near]
+    shift = points.xyz[near] - middle[chord]
+    ahead = half[chord, :2] / length[chord, None]
+    along = np.einsum("ij,ij->i", shift[:, :2], ahead)
+    across = ahead[:, 0] * shift[:, 1] - ahead[:, 1] * shift[:, 0]
+    up = shift[:, 2] - along * half[chord, 2] / length[chord]
+    kept = (np.abs(along) <= length[chord]) & (np.abs(across) <= reach) & (np.abs(up) <= _NEAR_ROAD_M)
+    brightness = points.intensity[near[kept]].astype(np.float64)
+    return owner[chord[kept]], across[kept], brightness
+
+
+def _road_beside(across: FloatArray, value: FloatArray, half_m: float) -> list[FloatArray]:
+    """Return the brightness of the points on the sides of paint that were hit, the one that is road first.
+
+    Road is even; across the edge of a pavement are two materials. Of two even sides it is the darker one: the other may
+    be concrete, or other paint.
+    """
+    sides = []
+    for side in (1.0, -1.0):
+        q = side * across - half_m
+        there = value[(q >= _BESIDE_M[0]) & (q <= _BESIDE_M[1])]
+        if len(there) >= _LEAST_BESIDE:
+            low, middle, high = np.percentile(there, (10.0, 50.0, 90.0))
+            sides.append((float(middle), float(high - low) / max(float(middle), 1e-9), there))
+    evenest = min((uneven for _, uneven, _ in sides), default=0.0)
+    sides.sort(key=lambda side: (side[1] > _UNEVEN * evenest, side[0]))
+    return [there for _, _, there in sides]
+
+
+def _counted(ratio: FloatArray) -> IntArray:
+    at = np.floor(np.log(np.maximum(ratio / _LEAST_RATIO, 1.0)) / np.log1p(_RATIO_STEP))
+    return np.bincount(np.clip(at, 0, N_RATIOS - 1).astype(np.int64), minlength=N_RATIOS)
+
+
+def _width_across(across: FloatArray, ratio: FloatArray, half_m: float) -> tuple[float, float]:
+    """Return the width of paint and its standard deviation [m]; NaN where a step of the profile was not hit.
+
+    The area of the profile above the line from the road on one side to that on the other, by its height in the core:
+    neither the spot of the beam nor the noise shifts it, as both change neither area nor height.
+    """
+    reach = half_m + _BEYOND_M
+    n = int(np.ceil(2 * reach / STEP_ACROSS_M))
+    place = (np.arange(n) + 0.5) * STEP_ACROSS_M - reach
+    at = np.floor((across + reach) / STEP_ACROSS_M).astype(np.int64)
+    inside = (at >= 0) & (at < n)
+    count = np.bincount(at[inside], minlength=n)
+    if not count.all():
+        return float("nan"), float("nan")
+    profile = np.bincount(at[inside], weights=ratio[inside], minlength=n) / count
+    left, right = (place > half_m + _BESIDE_M[0]), (place < -half_m - _BESIDE_M[0])
+    ends = float(profile[left].mean()), float(profile[right].mean())
+    outer = float(place[left].mean())
+    above = profile - (ends[1] + (ends[0] - ends[1]) * (place + outer) / (2 * outer))
+    core, painted = np.abs(place) <= CORE_SHARE * half_m, ~left & ~right
+    height = float(np.average(above[core], weights=count[core]))
+    if height <= 0.0:
+        return float("nan"), float("nan")
+    width = float(above[painted].sum() * STEP_ACROSS_M) / height
+    noise = np.where(core, _deviation(ratio, across, 0.0, CORE_SHARE * half_m),
+                     _deviation(ratio, across, half_m + _BESIDE_M[0], reach))  # fmt: skip
+    area_sigma = STEP_ACROSS_M * float(np.sqrt(np.sum((noise**2 / count)[painted])))
+    height_sigma = float(np.sqrt(np.mean(noise[core] ** 2) / count[core].sum()))
+    # Where the sides differ it is not known where the one ends and the other begins
+    step = 0.5 * abs(ends[0] - ends[1]) * (half_m + _BESIDE_M[0])
+    return width, float(np.sqrt(area_sigma**2 + (width * height_sigma) ** 2 + step**2)) / height
+
+
+def _deviation(ratio: FloatArray, across: FloatArray, low: float, high: float) -> float:
+    """Return the standard deviation of the ratios of points between two distances."""
+    return float(np.std(ratio[(np.abs(across) >= low) & (np.abs(across) <= high)]))

@@ -1,0 +1,142 @@
+"""What is left of paint, from points with a known share of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.conftest import CRS
+
+from linework.crs import parse_crs
+from linework.evaluation.chainage.paint_along import paint_samples
+from linework.evaluation.chainage.paint_points import paint_pieces
+from linework.evaluation.chainage.rows import chainage_report
+from linework.files.las.write import write_las
+from linework.files.vectors.read_write import write_lines
+from linework.lines.crosscuts import axis_along
+from linework.model.lines import LineSet
+from linework.model.points import Points
+
+ORIGIN = np.array([500_000.0, 5_400_000.0, 0.0])
+LENGTH_M, WIDTH_M, CONTRAST = 40.0, 0.12, 2.5
+
+
+def marking(pattern="solid", **columns):
+    shape = np.array([[0.0, 0.0, 5.0], [LENGTH_M / 2, 0.0, 5.0], [LENGTH_M, 0.0, 5.0]])
+    return LineSet.from_lines(
+        [shape], kind="lane_marking", id="middle", pattern=pattern, width_m=WIDTH_M, **columns
+    )
+
+
+def points(
+    left, *, seed=1, road=100.0, zero=0.0, noise=0.08, per_m2=1500, verge=1.0, offset_m=0.0, y_m=(-0.6, 0.6)
+):
+    """Return points about a marking of which a share is left, in patches of 10 cm."""
+    rng = np.random.default_rng(seed)
+    n = int(LENGTH_M * (y_m[1] - y_m[0]) * per_m2)
+    xy = np.column_stack([rng.uniform(0.0, LENGTH_M, n), rng.uniform(*y_m, n)])
+    patch = np.random.default_rng(seed + 1).random((int(LENGTH_M / 0.1), 3))
+    column = np.clip(((xy[:, 1] + 0.15) / 0.1).astype(int), 0, 2)
+    there = patch[(xy[:, 0] / 0.1).astype(int), column] < left
+    value = np.where((np.abs(xy[:, 1]) < WIDTH_M / 2) & there, CONTRAST * road, road)
+    value = np.where(xy[:, 1] > 0.2, verge * value, value) * (1.0 + noise * rng.normal(size=n)) + zero
+    xyz = np.column_stack([xy[:, 0], xy[:, 1] + offset_m, np.full(n, 5.0)])
+    return Points(xyz, intensity=value.astype(np.float32))
+
+
+def within(cloud):
+    def inside(bounds):
+        x, y = cloud.xyz[:, 0], cloud.xyz[:, 1]
+        return cloud.take((x >= bounds.west) & (x < bounds.east) & (y >= bounds.south) & (y < bounds.north))
+
+    return inside
+
+
+def measured(lines, cloud):
+    axis = axis_along("road", lines[0].xyz)
+    found = {"remaining_paint": [], "contrast": [], "width": []}
+    for one in paint_samples(lines, axis, paint_pieces(lines, within(cloud))):
+        found[one.quantity].append((np.nan if one.value is None else one.value, one.sigma))
+    return {name: np.array(values) for name, values in found.items()}
+
+
+@pytest.mark.parametrize("left", [1.0, 0.8, 0.5, 0.2])
+def test_the_share_that_is_left_is_measured_with_its_deviation(left):
+    found = measured(marking(), points(left))
+    share, sigma = found["remaining_paint"].T
+    assert len(share) == LENGTH_M / 2
+    assert abs(share.mean() - 100 * left) < 4.0
+    assert np.all(np.abs(share - 100 * left) < 4 * sigma + 1.0)
+    assert np.nanmedian(found["contrast"][:, 0]) == pytest.approx(CONTRAST, rel=0.04)
+    if left == 1.0:
+        width, width_sigma = found["width"].T
+        assert width.mean() == pytest.approx(WIDTH_M, abs=0.002)
+        assert np.sqrt(np.mean(((width - WIDTH_M) / width_sigma) ** 2)) < 1.6
+
+
+def test_a_bright_verge_and_studs_are_not_taken_for_paint():
+    cloud = points(0.7, verge=2.2)
+    bright = cloud.intensity.copy()
+    studs = (np.abs(cloud.xyz[:, 1]) < 0.05) & (cloud.xyz[:, 0] % 6.0 < 0.5)
+    bright[studs] = 2500.0
+    share = measured(marking(), Points(cloud.xyz, intensity=bright))["remaining_paint"][:, 0]
+    # Studs cover 8 % of the paint, and of the bare places
+    assert abs(share.mean() - 72.4) < 6.0
+
+
+def test_paint_that_cannot_be_told_apart_is_unknown():
+    plain = points(0.0)
+    assert np.isnan(measured(marking(), plain)["remaining_paint"][:, 0]).all()
+    noisy = points(0.5, noise=1.5)
+    assert np.isnan(measured(marking(), noisy)["remaining_paint"][:, 0]).all()
+    # Nothing was hit in the second half
+    half = points(1.0)
+    share = measured(marking(), half.take(half.xyz[:, 0] < 20.0))["remaining_paint"][:, 0]
+    assert np.isfinite(share).tolist() == [True] * 10 + [False] * 10
+
+
+def test_without_intensities_and_without_a_width_nothing_is_measured():
+    cloud = points(1.0)
+    share = measured(marking(), Points(cloud.xyz))["remaining_paint"][:, 0]
+    assert len(share) == 20 and np.isnan(share).all()
+    lines = marking().with_columns(width_m=[np.nan])
+    assert len(paint_pieces(lines, within(cloud))) == 0
+    # A dashed marking has paint where its dashes are, and none were found
+    assert len(paint_pieces(marking("dashed"), within(cloud))) == 0
+
+
+def test_a_report_has_rows_of_paint():
+    lines = marking()
+    pieces = paint_pieces(lines, within(points(0.6)))
+    report = chainage_report(lines, [axis_along("road", lines[0].xyz)], paint=pieces)
+    rows = [r for r in report.rows if (r.quantity, r.statistic) == ("remaining_paint", "mean")]
+    assert [r.line for r in rows] == ["middle"] * 4 and {r.unit for r in rows} == {"%"}
+    for row in rows:
+        assert abs(row.value - 60.0) < 4 * row.sigma
+        assert row.sigma < 7.0 and row.n == 5
+
+
+def test_the_command_reads_the_points_where_the_lines_are(linework, tmp_path):
+    cloud = points(0.6)
+    placed = Points(cloud.xyz + ORIGIN, intensity=np.maximum(cloud.intensity, 0.0))
+    write_las(placed, tmp_path / "road.laz", crs=CRS)
+    write_las(placed, tmp_path / "elsewhere.laz", crs="EPSG:25833+7837")
+    lines = marking(crs=parse_crs(CRS))
+    write_lines(lines.with_columns(xyz=lines.xyz + ORIGIN), tmp_path / "lines.gpkg")
+    found = linework(
+        "report", tmp_path / "lines.gpkg", "-o", tmp_path / "r.csv", "--survey", tmp_path / "road.laz"
+    )
+    assert found.code == 0, found.stderr
+    rows = [
+        row.split(",")
+        for row in (tmp_path / "r.csv").read_text().splitlines()
+        if "remaining_paint,mean" in row
+    ]
+    assert len(rows) == 4
+    assert all(abs(float(row[9]) - 60.0) < 20.0 for row in rows)
+    for wrong, problem in (
+        (["--survey", tmp_path / "no.laz"], "no.laz"),
+        (["--survey", tmp_path / "elsewhere.laz"], "the lines in"),
+    ):
+        found = linework("report", tmp_path / "lines.gpkg", "-o", tmp_path / "q.csv", *wrong)
+        assert found.code in (2, 3) and problem in found.line
+        assert not (tmp_path / "q.csv").exists()
