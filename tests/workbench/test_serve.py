@@ -207,3 +207,12 @@ def test_json_and_another_file(made_drive, tmp_path):
 def test_page(page):
     """The built page, or the word that there is none, is served to a browser that is logged in."""
     assert "linework" in page.title().lower()
+
+
+def test_the_report_by_chainage_has_no_scripts_and_refuses_what_it_has_not(served):
+    answer = served.client.get("/api/chainage?every_m=20&standard=us")
+    assert answer.status_code == 200
+    assert "sandbox" in answer.headers["content-security-policy"]
+    assert "<script" not in answer.text and "lane width" in answer.text
+    for wrong in ("every_m=0", "every_m=nan", "standard=xx"):
+        assert served.client.get(f"/api/chainage?{wrong}").status_code == 422

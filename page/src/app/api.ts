@@ -98,6 +98,7 @@ export const thumbnailUrl = (number: number) => `/api/pairs/${number}/thumbnail`
 export const jobs = () => getJson<Job[]>("/api/jobs");
 export const startJob = (features: string[], method: string) => sendJson<Job>("POST", "/api/jobs", { features, method });
 export const cancelJob = (id: string) => sendJson<Job>("DELETE", `/api/jobs/${id}`);
+export const chainageUrl = (everyM: number, standard: string) => `/api/chainage?every_m=${everyM}&standard=${standard}`;
 export const reportUrl = (id: string) => `/api/jobs/${id}/report`;
 
 function socket(path: string): WebSocket {

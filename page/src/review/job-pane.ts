@@ -44,12 +44,27 @@ export class JobPane implements Pane {
       "div", { class: "job-pane" },
       element("label", {}, "Method", this.method), this.kinds,
       element("p", { class: "quiet" }, "Lines that were accepted, edited, drawn or rejected are kept as they are."),
-      this.start, this.jobs,
+      this.start, this.jobs, this.chainage(),
     );
     this.showKinds();
     app.on("job", (job) => this.update(job));
     app.on("connected", (connected) => connected && void this.load());
     void this.load();
+  }
+
+  // Heights, widths and gaps of the lines as they are saved now, by intervals along the road
+  private chainage(): HTMLElement {
+    const every = element("select", { "aria-label": "Interval" });
+    every.append(...[5, 10, 20, 50, 100].map((m) => element("option", { value: String(m), selected: m === 10 }, `every ${m} m`)));
+    const standard = element("select", { "aria-label": "Limits" });
+    for (const [value, title] of [["", "no limits"], ["us", "US"], ["uk", "UK"], ["de", "Germany"]] as const)
+      standard.append(element("option", { value }, title));
+    const link = element("a", { target: "_blank", rel: "noopener", class: "report chainage" }, "Open");
+    const renew = (): void => void (link.href = api.chainageUrl(Number(every.value), standard.value));
+    every.addEventListener("change", renew);
+    standard.addEventListener("change", renew);
+    renew();
+    return element("fieldset", { class: "chainage" }, element("legend", {}, "Report by chainage"), every, standard, link);
   }
 
   private showKinds(): void {

@@ -80,3 +80,27 @@ def test_lines_are_accepted_and_rejected(plan):
     plan.press("Shift+X")
     wait_until(lambda: plan.documents()[second["id"]]["review"] != "rejected")
     assert second["id"] in plan.lines.id.tolist()
+
+
+def test_the_report_by_chainage_is_of_the_lines_as_they_are(plan):
+    rejected = next(line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    place = rejected["xyz"][len(rejected["xyz"]) // 2]
+    plan.look_at((place[0], place[1]))
+    plan.click((place[0], place[1]))
+    wait_until(lambda: plan.selected == [rejected["id"]])
+    plan.press("x")
+    wait_until(lambda: plan.documents()[rejected["id"]]["review"] == "rejected")
+    plan.page.get_by_role("tab", name="Extract").click()
+    plan.page.get_by_label("Interval").select_option("20")
+    plan.page.get_by_label("Limits").select_option("uk")
+    with plan.page.context.expect_page() as opened:
+        plan.page.locator("a.chainage").click()
+    report = opened.value
+    report.wait_for_load_state()
+    text = report.locator("body").inner_text()
+    assert "interval\n20 m" in text and "upstand" in text
+    assert rejected["id"] not in text
+    assert report.locator("img").count() >= 2
+    report.close()
+    plan.press("Shift+X")
+    wait_until(lambda: plan.documents()[rejected["id"]]["review"] != "rejected")

@@ -10,13 +10,22 @@ from fastapi import FastAPI
 from linework.workbench.edits.routes import edits_router
 from linework.workbench.following.routes import follow_router
 from linework.workbench.jobs.routes import jobs_router
+from linework.workbench.review.chainage import chainage_router
 from linework.workbench.review.queue import review_router
 from linework.workbench.server.app_state import AppState
 from linework.workbench.server.problems import PROBLEMS, answer_errors
 from linework.workbench.server.routes import survey_router
 from linework.workbench.views.routes import views_router
 
-ROUTERS = (survey_router, views_router, edits_router, review_router, follow_router, jobs_router)
+ROUTERS = (
+    survey_router,
+    views_router,
+    edits_router,
+    review_router,
+    follow_router,
+    jobs_router,
+    chainage_router,
+)
 
 
 def create_app(app_state: AppState) -> FastAPI:
