@@ -120,7 +120,9 @@ def test_a_span_shows_that_it_is_open_until_it_is_ended(page, followed):
     wait_until(lambda: page.locator("#keys button.open").count() == 0)
     assert followed.saved() == [(SPAN, "begin"), (SPAN, "end")]
     # In one go: the list is made anew when a press changes
-    labels = page.evaluate("[...document.querySelectorAll('#presses span')].map((one) => one.firstChild.textContent)")
+    labels = page.evaluate(
+        "[...document.querySelectorAll('#presses span')].map((one) => one.firstChild.textContent)"
+    )
     assert labels == [f"{SPAN}: end", f"{SPAN}: begin"]
 
 

@@ -37,6 +37,16 @@ Crs = Annotated[
         "--crs", metavar="CRS", help="CRS of files that do not state one: EPSG:CODE, or local (metres)."
     ),
 ]
+WithLanes = Annotated[
+    bool,
+    typer.Option(
+        "--lanes", help="Also write the lanes that the lines bound: .gpkg, .geojson, .osm (lanelets), .xodr."
+    ),
+]
+Location = Annotated[
+    str,
+    typer.Option("--location", help="Of the lanelets of an .osm: urban, nonurban or private."),
+]
 AllowOutside = Annotated[
     bool, typer.Option("--allow-outside", help="Let survey.toml name files outside its folder.")
 ]

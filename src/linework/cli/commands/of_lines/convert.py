@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linework.cli.options import Crs, Overwrite
+from linework.cli.options import Crs, Location, Overwrite, WithLanes
 from linework.cli.said import say
 
 
@@ -25,15 +25,18 @@ def convert(
         str,
         typer.Option("--heights", help="Heights in a Lanelet2 map (.osm): crs (as they are) or ellipsoid."),
     ] = "crs",
+    lanes: WithLanes = False,
+    location: Location = "",
 ) -> None:
     """Convert LINES to another vector format.
 
     The points of the vehicle's log (images and operator keys) are copied where the format holds points. What the format
-    cannot hold is reported. A .qgz is a QGIS project with the layers of a .gpkg, which it refers to.
+    cannot hold is reported. --lanes adds the lanes that follow from the lines alone. A .qgz is a QGIS project with the layers of a .gpkg, which it refers to.
     """
     from linework.cli.failures import warn
     from linework.errors import PartialError, UsageError, argument
     from linework.files.output.locks import reserve_output
+    from linework.files.vectors.lane_layer import check_lanes
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
         check_format,
@@ -44,6 +47,7 @@ def convert(
         write_lines,
     )
 
+    check_lanes(output, lanes=lanes, location=location)
     if output.suffix.lower() == ".qgz":
         from linework.files.maps.qgis_project import write_qgis_project
 
@@ -60,8 +64,9 @@ def convert(
         found, left_out = read_usable_lines(lines, crs=crs)
         points = read_point_layers(lines)
         write_lines(
-            found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights
-        )
+            found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights,
+            lanes=lanes, location=location,
+        )  # fmt: skip
     for warning in (*points_left_out(output, points), *not_expressed(found, output)):
         warn(warning)
     # Maps of lanes hold a part of the lines
