@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 SurveyArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="SURVEY", help="LAS/LAZ files, a folder of them, a survey folder, or a KITTI drive."
+        metavar="SURVEY",
+        help="LAS, LAZ, PLY or PCD files, a folder of them, a survey folder, or a KITTI drive.",
     ),
 ]
 #: Commands that write other files than lines say which in an option of their own.
