@@ -24,6 +24,8 @@ from linework.model.survey import Survey
 _LASER = (".las", ".laz")
 _SUFFIXES = (*_LASER, *CLOUD_SUFFIXES)
 _SURVEY_FILE = "survey.toml"
+#: Images of cameras, in a folder that is nothing else.
+_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
 _SRC_ADVICE = "name .las/.laz files or a survey folder"
 
 
@@ -209,6 +211,7 @@ def _files_of(path: Path) -> list[Path]:
             if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".") and not p.is_dir()
         )
         if not files:
+            _refuse_images_alone(path)
             raise InputError(f"folder without points ({', '.join(_SUFFIXES)}) and without survey.toml", where=path,
                              advice="name the folder that holds them, or a KITTI folder")  # fmt: skip
         # Clouds beside laser files are as often made from these
@@ -219,6 +222,23 @@ def _files_of(path: Path) -> list[Path]:
         raise InputError(f"suffix '{path.suffix}', expected {', '.join(_SUFFIXES)} or survey.toml", where=path,
                          advice="convert it to .laz")  # fmt: skip
     return [path]
+
+
+def _refuse_images_alone(folder: Path) -> None:
+    """Raise, for a folder of left and right images, what is missing to make it a survey."""
+    images = [p for p in _listed(folder) if p.suffix.lower() in _IMAGES and not p.name.startswith(".")]
+    n_left, n_right = (sum(p.name.lower().startswith(side) for p in images) for side in ("left", "right"))
+    if not n_left or not n_right:
+        return
+    calibration = (folder / "calib.txt").is_file()
+    missing = ["the times of the images", "the path of the vehicle"]
+    missing += ["where the cameras are in it"] if calibration else ["a calibration"]
+    also = " and calib.txt" if calibration else ""
+    raise InputError(
+        f"{n_left} left and {n_right} right images{also}, but no {_SURVEY_FILE}: {', '.join(missing)} are missing",
+        where=folder,
+        advice=f"write a {_SURVEY_FILE} with [cameras.left], [cameras.right] and [trajectory] or [navigation]",
+    )  # fmt: skip
 
 
 def _left_below(folder: Path) -> list[str]:
