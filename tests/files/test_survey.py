@@ -168,7 +168,7 @@ def test_a_name_with_brackets_is_not_a_pattern_where_it_exists(tmp_path):
 def test_a_pattern_that_matches_nothing_is_refused(folder):
     (folder / "notes.txt").write_text("not a laser file")
     for pattern in ("*.xyz", "*.txt", "nothing/*.laz"):
-        with pytest.raises(InputError, match=r"the pattern matches no \.las/\.laz file and no folder"):
+        with pytest.raises(InputError, match=r"the pattern matches no file of points and no folder"):
             open_survey(folder / pattern)
 
 
@@ -413,3 +413,25 @@ def test_real_local_surveys_are_no_degrees(file):
     if not files or not files[0].exists():
         pytest.skip(f"{file} is not beside this checkout")
     assert len(read_survey_points(open_survey(files[:1], crs="local")).points) > 10_000
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ((), "2 left and 2 right images, but no survey.toml: the times of the images, the path of the vehicle, a calibration are"),
+        (("calib.txt",), "2 left and 2 right images and calib.txt, but no survey.toml: the times of the images, the path of the"
+         " vehicle, where the cameras are in it are missing"),
+    ],
+)  # fmt: skip
+def test_a_folder_of_stereo_images_alone_says_what_is_missing(tmp_path, more, words):
+    for name in ("left_0.png", "left_1.png", "right_0.png", "right_1.png", *more):
+        (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(InputError, match="images") as caught:
+        open_survey(tmp_path)
+    assert words in str(caught.value) and "[cameras.left]" in str(caught.value)
+
+
+def test_images_of_one_side_are_no_pairs(tmp_path):
+    (tmp_path / "left_0.png").write_bytes(b"x")
+    with pytest.raises(InputError, match="folder without points"):
+        open_survey(tmp_path)

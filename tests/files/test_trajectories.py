@@ -102,3 +102,15 @@ def refusal(tmp_path, text):
 )
 def test_files_that_are_no_trajectory(tmp_path, text, words):
     assert words in refusal(tmp_path, text)
+
+
+def test_a_heading_alone_is_a_path_without_attitude(tmp_path):
+    """From two antennas: the positions are used, and that images need more is a warning."""
+    text = "time_s,easting_m,northing_m,height_m,heading_deg,sigma_heading_deg\n1,1,2,3,90,1\n2,2,2,3,90,1\n3,3,2,3,90,1\n"
+    (tmp_path / "t.csv").write_text(text)
+    content = read_trajectory_content(tmp_path / "t.csv")
+    assert content.trajectory.attitude_deg is None and len(content.trajectory.xyz) == 3
+    assert any("headings without roll and pitch are not used" in text for text in content.warnings)
+    (tmp_path / "u.csv").write_text(text.replace("sigma_heading_deg", "roll_deg"))
+    with pytest.raises(InputError, match="missing column pitch_deg"):
+        read_trajectory_content(tmp_path / "u.csv")

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 SurveyArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="SURVEY", help="LAS/LAZ files, a folder of them, a survey folder, or a KITTI drive."
+        metavar="SURVEY",
+        help="LAS, LAZ, PLY or PCD files, a folder of them, a survey folder, or a KITTI drive.",
     ),
 ]
 #: Commands that write other files than lines say which in an option of their own.
@@ -36,6 +37,16 @@ Crs = Annotated[
     typer.Option(
         "--crs", metavar="CRS", help="CRS of files that do not state one: EPSG:CODE, or local (metres)."
     ),
+]
+WithLanes = Annotated[
+    bool,
+    typer.Option(
+        "--lanes", help="Also write the lanes that the lines bound: .gpkg, .geojson, .osm (lanelets), .xodr."
+    ),
+]
+Location = Annotated[
+    str,
+    typer.Option("--location", help="Of the lanelets of an .osm: urban, nonurban or private."),
 ]
 AllowOutside = Annotated[
     bool, typer.Option("--allow-outside", help="Let survey.toml name files outside its folder.")

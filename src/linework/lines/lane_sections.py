@@ -2,27 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.lines.along import runs_of
-from linework.lines.crosscuts import Axis, cross_cuts
+from linework.lines.crosscuts import STATION_M, Axis, cross_cuts
 from linework.lines.reference_curve import ReferenceCurve, reference_curve
 from linework.model.lines import LineSet
 
 BOUND_KINDS = ("lane_marking", "road_boundary")
 #: What no lane crosses.
 _WALLS = ("guardrail", "barrier", "fence")
-#: Widths of a lane: below are gutters, double lines and cycle tracks, above are squares and bays. [m]
+#: Widths of the spaces between bounds that belong to a road: below are gutters and double lines, above are squares. [m]
 LANE_LIMITS_M = (2.2, 6.0)
 #: Bounds nearer than this are one bound found twice. [m]
 _APART_M = 0.05
 #: Shortest road. [m]
 _SHORTEST_M = 10.0
+#: Least length of a lane that was measured on both sides: one car. [m]
+_SHORTEST_LANE_M = 5.0
+#: Shorter paint along a road is as often a bay, a bus stop, letters or an arrow as the bound of a lane. [m]
+_SHORTEST_BOUND_M = 20.0
+#: The lines of a double line are nearer than this. [m]
+_DOUBLE_M = 1.0
+#: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
+#: rows of vehicles, as where the line between two lanes is worn away. [m]
+SINGLE_LANE_M = (2.2, 4.4)
+#: A lane widens by no more than this per metre: faster is a taper, a bay or another line. [m/m]
+_TAPER = 0.1
+#: Tapers of lanes that begin or end are 1 in 10 to 1 in 60 (DMRB CD 122, MUTCD 6C); lines along a lane do not converge
+#: by more than 1 in 100, taken over this distance. [m/m, m]
+_CONVERGING, _TAPER_REACH_M = 0.01, 5.0
+#: Largest crossfall, that of the steepest superelevation in design guides (AASHTO: 12 %). Steeper is no one surface.
+_STEEPEST = 0.12
 #: Lines that turn more than 25 degrees from the road do not bound a lane.
 _ALONG_COSINE = 0.9
 
@@ -39,10 +57,13 @@ class LaneSection:
         Which of them the road follows.
     first, last
         Stations at which it begins and ends.
-    offset_m, up_m
-        (last - first + 1, b) distance from the reference curve, positive to the left, and height of each bound. [m]
+    offset_m, up_m, along_m, sigma_m
+        (last - first + 1, b) of each bound: distance from the reference curve, positive to the left; height; distance
+        along its line; standard deviation in plan. [m]
+    bridged
+        (last - first + 1, b) whether the bound was not measured there.
     is_lane
-        (b - 1,) whether the space between two bounds is as wide as a lane, and has paint on one side at least.
+        (b - 1,) whether the space between two bounds is a lane (see `lane_roads`).
     """
 
     bounds: tuple[int, ...]
@@ -51,7 +72,13 @@ class LaneSection:
     last: int
     offset_m: FloatArray
     up_m: FloatArray
+    along_m: FloatArray
+    sigma_m: FloatArray
+    bridged: BoolArray
     is_lane: tuple[bool, ...]
+
+
+_COLUMNS = ("offset_m", "up_m", "along_m", "sigma_m", "bridged")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,138 +90,262 @@ class LaneRoad:
     sections: tuple[LaneSection, ...]
 
 
-def lane_roads(lines: LineSet) -> list[LaneRoad]:
-    """Return the roads whose lanes follow from the lines alone; each lane belongs to one road.
+def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> list[LaneRoad]:
+    """Return the roads whose spaces between lines follow from the lines alone; each space belongs to one road.
 
-    A lane is between two neighbouring bounds, at least one of them paint and at least one of them measured, 2.2 to 6.0 m
-    apart, with nothing between. There are no lanes across junctions, where bounds end.
+    A space is between two neighbouring bounds, 2.2 to 6.0 m apart (or narrower, beside such a one), at least one of them
+    paint and at least one of them measured, with nothing between. There are none across junctions, where bounds end.
+
+    A space is a lane where its width is within `widths_m` [m] and changes by at most 0.1 m/m, on at least 10 m, with one
+    surface between its bounds. Between paint and the end of the carriageway that holds only where the paint is known
+    to be a centre or lane line: outside an edge line there are shoulders and parking strips.
     """
     rank = np.array([BOUND_KINDS.index(k) if k in BOUND_KINDS else 9 for k in lines.kind.tolist()])
     roads: list[LaneRoad] = []
     taken: set[tuple[int, int, int]] = set()
+    barred = _Barred(lines)
     for i in np.lexsort((-lines.length_m, rank)).tolist():
         if rank[i] == 9 or lines.length_m[i] < _SHORTEST_M:
             continue
         curve = reference_curve(lines[i].xyz[:, :2])
         n = int(curve.length_m)
         station_m = np.linspace(0.0, curve.length_m, n + 1)
-        profiles = _profiles(lines, i, curve, station_m, taken)
+        rows = _rows(lines, curve, station_m)
+        barred.add(rows)
+        wedges = _wedges(rows, widths_m[0])
+        profiles = [_profile(lines, here, i, taken, widths_m) for here in rows]
         for first, last in runs_of(np.array([p is not None for p in profiles])):
             if station_m[last] - station_m[first] >= _SHORTEST_M:
-                sections = _sections(profiles, first, last, i)
+                known = [p for p in profiles[first : last + 1] if p is not None]
+                sections = _sections(_settled(known, first, barred, wedges), first, i)
                 roads.append(LaneRoad(curve, station_m, sections))
-                for k in range(first, last + 1):
-                    taken.update(_cells(profiles[k]))
+                for profile in known:
+                    taken.update(_cells(profile))
     return roads
+
+
+class _Bound(NamedTuple):
+    """A line where it crosses a perpendicular: its number, offset, height, distance along it [m], sigma [m], flag."""
+
+    line: int
+    offset_m: float
+    up_m: float
+    along_m: float
+    sigma_m: float
+    bridged: bool
 
 
 @dataclass(frozen=True, slots=True)
 class _Profile:
-    """Bounds at a station, from right to left: lines, offsets, heights, distances along their lines."""
+    """Bounds at a station, from right to left, and which spaces between them are lanes."""
 
-    lines: tuple[int, ...]
-    offset_m: tuple[float, ...]
-    up_m: tuple[float, ...]
-    along_m: tuple[float, ...]
+    bounds: tuple[_Bound, ...]
     is_lane: tuple[bool, ...]
 
+    @property
+    def lines(self) -> tuple[int, ...]:
+        return tuple(b.line for b in self.bounds)
 
-def _cells(profile: _Profile | None) -> list[tuple[int, int, int]]:
+
+def _cells(profile: _Profile) -> list[tuple[int, int, int]]:
     """Return what names the spaces of a profile, whatever road they are part of: two lines, and where along the first."""
-    if profile is None:
-        return []
-    pairs = list(zip(profile.lines, profile.along_m, strict=True))
     found = []
-    for (a, along_a), (b, along_b) in pairwise(pairs):
-        one, other = min(a, b), max(a, b)
-        at = int(along_a if one == a else along_b)
-        found += [(one, other, at + step) for step in (-1, 0, 1)]
+    for a, b in pairwise(profile.bounds):
+        one, other = sorted((a, b))
+        found += [(one.line, other.line, int(one.along_m) + step) for step in (-1, 0, 1)]
     return found
 
 
-def _profiles(
-    lines: LineSet,
-    centre: int,
-    curve: ReferenceCurve,
-    station_m: FloatArray,
-    taken: set[tuple[int, int, int]],
-) -> list[_Profile | None]:
-    """Return the bounds at each station, None where there is no lane."""
+def _rows(lines: LineSet, curve: ReferenceCurve, station_m: FloatArray) -> list[list[_Bound]]:
+    """Return what crosses the perpendicular of each station along the road, from right to left."""
     xy = curve.places(station_m)
     axis = Axis("", station_m, np.column_stack([xy, np.zeros(len(xy))]), curve.ahead(station_m))
-    near = lines.take(np.flatnonzero(np.isin(lines.kind, (*BOUND_KINDS, *_WALLS))))
     index = np.flatnonzero(np.isin(lines.kind, (*BOUND_KINDS, *_WALLS)))
-    cuts = cross_cuts(near, axis)
+    cuts = cross_cuts(lines.take(index), axis)
     cuts = cuts.take(np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE))
-    rows_at = np.searchsorted(cuts.station, np.arange(len(station_m) + 1))
-    found: list[_Profile | None] = []
-    for k in range(len(station_m)):
-        rows = [
-            (int(index[cuts.line[r]]), float(cuts.offset_m[r]), float(cuts.up_m[r]), float(cuts.along_m[r]), bool(cuts.bridged[r]))
-            for r in range(rows_at[k], rows_at[k + 1])
-        ]  # fmt: skip
-        own = [j for j, row in enumerate(rows) if row[0] == centre and abs(row[1]) < 1.0]
-        found.append(_profile(lines, rows, own[0], taken) if own else None)
-    return found
-
-
-_Row = tuple[int, float, float, float, bool]
+    ends = np.searchsorted(cuts.station, np.arange(len(station_m) + 1)).tolist()
+    columns = (index[cuts.line], cuts.offset_m, cuts.up_m, cuts.along_m, cuts.sigma_xy_m, cuts.bridged)
+    rows = [_Bound(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
+    return [rows[a:b] for a, b in pairwise(ends)]
 
 
 def _profile(
-    lines: LineSet, rows: Sequence[_Row], own: int, taken: set[tuple[int, int, int]]
-) -> _Profile | None:
-    """Return the bounds to both sides of one of the lines that cross a perpendicular, as far as lanes reach."""
-    chosen, lanes = [rows[own]], []
+    lines: LineSet, rows: Sequence[_Bound], centre: int, taken: set[tuple[int, int, int]], widths_m: tuple[float, float]
+) -> _Profile | None:  # fmt: skip
+    """Return the bounds to both sides of the line that a road follows, as far as spaces reach; None without any."""
+    own = next((j for j, row in enumerate(rows) if row.line == centre and abs(row.offset_m) < 1.0), None)
+    if own is None:
+        return None
+    chosen = [rows[own]]
+    is_any = False
     for direction in (1, -1):
         here, j = rows[own], own + direction
         while 0 <= j < len(rows):
             there = rows[j]
-            gap = abs(there[1] - here[1])
+            gap = abs(there.offset_m - here.offset_m)
             j += direction
             if gap < _APART_M:
                 continue
-            kinds = (str(lines.kind[here[0]]), str(lines.kind[there[0]]))
-            is_lane = gap >= LANE_LIMITS_M[0]
+            kinds = (str(lines.kind[here.line]), str(lines.kind[there.line]))
+            is_wide = gap >= min(LANE_LIMITS_M[0], widths_m[0])
             one, other = sorted((here, there))
-            is_open = (one[0], other[0], int(one[3])) not in taken
-            is_known = "lane_marking" in kinds and not (here[4] and there[4]) if is_lane else True
+            is_open = (one.line, other.line, int(one.along_m)) not in taken
+            is_known = "lane_marking" in kinds and not (here.bridged and there.bridged) if is_wide else True
             if (
                 kinds[1] in _WALLS
                 or gap > LANE_LIMITS_M[1]
                 or not is_known
                 or not is_open
-                or there[0] == here[0]
+                or there.line == here.line
             ):
                 break
-            if direction == 1:
-                chosen.append(there)
-                lanes.append(is_lane)
-            else:
-                chosen.insert(0, there)
-                lanes.insert(0, is_lane)
+            chosen.insert(len(chosen) if direction == 1 else 0, there)
+            is_any = is_any or is_wide
             here = there
-    if not any(lanes) or len({row[0] for row in chosen}) < len(chosen):
+    if not is_any or len({row.line for row in chosen}) < len(chosen):
         return None
-    number, offset, up, along, _ = zip(*chosen, strict=True)
-    return _Profile(number, offset, up, along, tuple(lanes))
+    are_lanes = (_is_lane(a, b, widths_m) for a, b in pairwise(chosen))
+    return _Profile(tuple(chosen), tuple(are_lanes))
 
 
-def _sections(
-    profiles: Sequence[_Profile | None], first: int, last: int, centre: int
-) -> tuple[LaneSection, ...]:
-    """Return the stretches of constant bounds between two stations."""
-    known = [p for p in profiles[first : last + 1] if p is not None]
+def _is_lane(right: _Bound, left: _Bound, widths_m: tuple[float, float]) -> bool:
+    """Return whether the space between two bounds may be a lane, by its width and its crossfall."""
+    width = left.offset_m - right.offset_m
+    return widths_m[0] <= width < widths_m[1] and abs(left.up_m - right.up_m) <= _STEEPEST * width
+
+
+class _Barred:
+    """Pairs of lines that bound no lane, by what there is at all stations so far.
+
+    Between paint and the end of the carriageway is a lane only where the paint is no edge line: outside of these are
+    shoulders and parking strips. A role alone does not tell, since a line beside a wide shoulder is taken for a centre
+    line: it is double, or dashed, or the only line of paint.
+    """
+
+    def __init__(self, lines: LineSet) -> None:
+        self._is_paint = lines.kind == "lane_marking"
+        self._is_short = lines.length_m < _SHORTEST_BOUND_M
+        has_role = np.isin(lines.role, ("centre", "lane"))
+        self._is_inner = has_role & (lines.double | (lines.pattern == "dashed"))
+        self._may_be_alone = has_role
+        self._is_edge = lines.role == "edge"
+        self._is_kerb = lines.form == "kerb"
+        self._accompanied: set[int] = set()
+        self._beside_edge: set[int] = set()
+        self._inside: set[tuple[int, int]] = set()
+
+    def add(self, rows: Sequence[Sequence[_Bound]]) -> None:
+        """Take in what crosses the perpendiculars of a road."""
+        for here in rows:
+            for i, j in combinations(range(len(here)), 2):
+                a, b = here[i], here[j]
+                apart = b.offset_m - a.offset_m
+                if (
+                    self._is_paint[a.line]
+                    and self._is_paint[b.line]
+                    and _DOUBLE_M < apart <= LANE_LIMITS_M[1]
+                ):
+                    self._accompanied |= {a.line, b.line}
+                    self._beside_edge |= {x.line for x, y in ((a, b), (b, a)) if self._is_edge[y.line]}
+                # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
+                is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
+                if is_mixed and any(self._is_paint[c.line] for c in here[i + 1 : j]):
+                    self._inside.add((a.line, b.line))
+
+    def has(self, pair: tuple[int, int]) -> bool:
+        """Return whether two neighbouring lines bound no lane."""
+        paint = [line for line in pair if self._is_paint[line]]
+        if any(self._is_short[line] for line in paint) or pair in self._inside:
+            return True
+        if len(paint) != 1:
+            return not paint
+        # Who paints an edge line on one side does so on the other, where there is no kerb: it was not found
+        (boundary,) = (line for line in pair if line != paint[0])
+        if paint[0] in self._beside_edge and not self._is_kerb[boundary]:
+            return True
+        is_alone = self._may_be_alone[paint[0]] and paint[0] not in self._accompanied
+        return not (self._is_inner[paint[0]] or is_alone)
+
+
+def _settled(
+    profiles: Sequence[_Profile],
+    first_station: int,
+    barred: _Barred,
+    wedges: Mapping[tuple[int, int], set[int]],
+) -> list[_Profile]:
+    """Return profiles without the lanes that more than one station speaks against.
+
+    These widen too fast, are a wedge in which two lines run together, are between lines that bound none, or are too
+    short.
+    """
+    spaces: dict[tuple[int, int], list[_Space]] = defaultdict(list)
+    for k, p in enumerate(profiles):
+        for j, (a, b) in enumerate(pairwise(p.bounds)):
+            is_measured = not (a.bridged or b.bridged)
+            spaces[a.line, b.line].append(_Space(k, j, b.offset_m - a.offset_m, p.is_lane[j], is_measured))
+    kept = [[False] * len(p.is_lane) for p in profiles]
+    for pair, places in spaces.items():
+        if barred.has(pair):
+            continue
+        wedge = wedges.get(pair, set())
+        is_lane = np.array([place.is_lane and first_station + place.station not in wedge for place in places])
+        for first, last in runs_of(is_lane):
+            run = places[first : last + 1]
+            cuts = [
+                i + 1
+                for i, (x, y) in enumerate(pairwise(run))
+                if y.station != x.station + 1 or abs(y.width_m - x.width_m) > _TAPER * STATION_M
+            ]
+            for begin, end in pairwise([0, *cuts, len(run)]):
+                if sum(place.is_measured for place in run[begin:end]) > _SHORTEST_LANE_M / STATION_M:
+                    for place in run[begin:end]:
+                        kept[place.station][place.number] = True
+    return [replace(p, is_lane=tuple(flags)) for p, flags in zip(profiles, kept, strict=True)]
+
+
+class _Space(NamedTuple):
+    """The space between two lines at a station: station, which of its spaces, width [m], whether a lane, measured."""
+
+    station: int
+    number: int
+    width_m: float
+    is_lane: bool
+    is_measured: bool
+
+
+def _wedges(rows: Sequence[Sequence[_Bound]], least_m: float) -> dict[tuple[int, int], set[int]]:
+    """Return the stations at which two neighbouring lines run together until they are nearer than a lane is wide."""
+    widths: dict[tuple[int, int], list[tuple[int, float]]] = defaultdict(list)
+    for k, here in enumerate(rows):
+        for a, b in pairwise(here):
+            widths[a.line, b.line].append((k, b.offset_m - a.offset_m))
+    reach = int(_TAPER_REACH_M / STATION_M)
+    found: dict[tuple[int, int], set[int]] = {}
+    for pair, places in widths.items():
+        flags = np.array([w < least_m for _, w in places])
+        if not flags.any():
+            continue
+        for order in (slice(None), slice(None, None, -1)):
+            w, there = np.array([w for _, w in places])[order], flags[order]
+            for k in range(1, len(w)):
+                behind = max(k - reach, 0)
+                if there[k - 1] and w[k] - w[behind] > _CONVERGING * (k - behind) * STATION_M:
+                    there[k] = True
+        found[pair] = {k for (k, _), is_wedge in zip(places, flags.tolist(), strict=True) if is_wedge}
+    return found
+
+
+def _sections(known: Sequence[_Profile], first: int, centre: int) -> tuple[LaneSection, ...]:
+    """Return the stretches of constant bounds of profiles from a first station on."""
     keys = [(p.lines, p.is_lane) for p in known]
     cuts = [0, *(i for i in range(1, len(keys)) if keys[i] != keys[i - 1]), len(keys)]
     found = []
     for a, b in pairwise(cuts):
         own = known[a:b]
+        columns = {name: np.array([[getattr(x, name) for x in p.bounds] for p in own]) for name in _COLUMNS}
+        number = own[0].lines
         found.append(
-            LaneSection(
-                own[0].lines, own[0].lines.index(centre), first + a, first + b - 1,
-                np.array([p.offset_m for p in own]), np.array([p.up_m for p in own]), own[0].is_lane,
-            )
+            LaneSection(number, number.index(centre), first + a, first + b - 1, is_lane=own[0].is_lane, **columns)
         )  # fmt: skip
     return _meeting(found)
 
@@ -205,20 +356,16 @@ def _meeting(sections: list[LaneSection]) -> tuple[LaneSection, ...]:
     Where a line ends, the next section begins at the last station of the line; where one begins, the section before it
     goes up to that station. Where one ends and another begins, up to a station's distance is carried on.
     """
-    met = list(sections)
+    met, rows = list(sections), dict[str, Any]()
     for k in range(len(met) - 1):
         a, b = met[k], met[k + 1]
         if set(b.bounds) <= set(a.bounds):
-            columns = [a.bounds.index(line) for line in b.bounds]
-            met[k + 1] = replace(
-                b, first=a.last, offset_m=np.vstack([a.offset_m[-1:, columns], b.offset_m]),
-                up_m=np.vstack([a.up_m[-1:, columns], b.up_m]),
-            )  # fmt: skip
+            at = [a.bounds.index(line) for line in b.bounds]
+            rows = {name: np.vstack([getattr(a, name)[-1:, at], getattr(b, name)]) for name in _COLUMNS}
+            met[k + 1] = replace(b, first=a.last, **rows)
         elif set(a.bounds) <= set(b.bounds):
-            columns = [b.bounds.index(line) for line in a.bounds]
-            met[k] = replace(
-                a, last=b.first, offset_m=np.vstack([a.offset_m, b.offset_m[:1, columns]]),
-                up_m=np.vstack([a.up_m, b.up_m[:1, columns]]),
-            )  # fmt: skip
+            at = [b.bounds.index(line) for line in a.bounds]
+            rows = {name: np.vstack([getattr(a, name), getattr(b, name)[:1, at]]) for name in _COLUMNS}
+            met[k] = replace(a, last=b.first, **rows)
     ends = [*(section.first for section in met[1:]), met[-1].last]
     return tuple(section for section, end in zip(met, ends, strict=True) if end > section.first)

@@ -17,7 +17,7 @@ from linework.errors import InputError, UsageError, argument
 from linework.files.array_file import ARRAY_SUFFIX, read_named_arrays
 from linework.files.las.copy import CopiedFile, check_copy, copy_classified
 from linework.files.las.crs import resolve_crs
-from linework.files.las.header import read_las_header
+from linework.files.las.header import LasHeader, read_las_header
 from linework.files.output.parts import read_path_part, write_part
 from linework.files.store.cell_tiles import TileNumber
 from linework.files.store.layout import STORE_BLOCK_M
@@ -311,9 +311,8 @@ def copy_files(opened: OpenedSurvey, tiles: TiledClasses, folder: Path, advance:
         target.parent.mkdir(parents=True, exist_ok=True)
         report = partial(_advance_by, advance, n_before, n_all)
         try:
-            crs = resolve_crs(
-                read_las_header(file.path).projection, opened.survey.settings.get("crs"), where=file.path
-            )
+            header = _header_of_laser_file(file.path)
+            crs = resolve_crs(header.projection, opened.survey.settings.get("crs"), where=file.path)
             copied = copy_classified(file.path, target, crs.factors, classifier, report)
             check_copy(target, file.n_promised)
             copies[names[file.path]] = file.path, copied
@@ -326,6 +325,14 @@ def copy_files(opened: OpenedSurvey, tiles: TiledClasses, folder: Path, advance:
     if not copies:
         raise first[0]
     return ClassifiedFiles(copies, tuple(failures))
+
+
+def _header_of_laser_file(path: Path) -> LasHeader:
+    header = read_las_header(path)
+    if header.cloud is not None:
+        raise InputError("copies with classes are made of .las and .laz files only", where=path,
+                         advice="convert it to .laz")  # fmt: skip
+    return header
 
 
 def _advance_by(advance: Callable[[int, int], None], before: int, total: int, done: int) -> None:

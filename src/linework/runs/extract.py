@@ -50,6 +50,8 @@ class ExtractionRequest:
         Continue a run of the same request that was killed.
     forget_reviews
         Discard the review decisions of the lines that are replaced.
+    lanes, location
+        Also write the lanes, as for `linework.files.vectors.read_write.write_lines`.
     """
 
     output: Path
@@ -60,6 +62,8 @@ class ExtractionRequest:
     overwrite: bool = False
     resume: bool = False
     forget_reviews: bool = False
+    lanes: bool = False
+    location: str = ""
 
 
 def extract_to(
@@ -101,6 +105,8 @@ def extract_to(
             note=lambda sha256: run.journal.note_output(order.output.name, sha256),
             steps=steps,
             reviews=reviews,
+            lanes=order.lanes,
+            location=order.location,
         )  # fmt: skip
     return record, found
 
@@ -140,6 +146,8 @@ def extraction_request(
     ground: Ground | GroundFinder | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    lanes: bool = False,
+    location: str = "",
 ) -> ExtractionRequest:
     """Return the order to look for `kinds` by a method ("auto": what suits each kind).
 
@@ -155,6 +163,8 @@ def extraction_request(
         Methods instead of those that `method` names, see `linework.methods.choose.selected_methods`.
     ground
         Own ground, or a function that returns it; None: it is found.
+    lanes, location
+        Also write the lanes.
 
     Raises
     ------
@@ -194,7 +204,10 @@ def extraction_request(
             **({"paint": paint} if paint else {}),
             **({"methods": [identity_of(chosen) for chosen in given]} if given is not None else {}),
             **({"own": own} if own else {}),
+            **({"lanes": lanes, "location": location} if lanes else {}),
         },
         overwrite=overwrite,
         resume=resume,
+        lanes=lanes,
+        location=location,
     )

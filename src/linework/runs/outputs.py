@@ -19,6 +19,7 @@ from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, json_bytes
 from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import not_expressed, points_left_out, write_lines
+from linework.lines.lanes import find_lanes
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, Failure, path_text
@@ -36,6 +37,8 @@ def publish_extraction(
     note: Callable[[str], None] | None = None,
     steps: RunSteps | None = None,
     reviews: KeptReviews | None = None,
+    lanes: bool = False,
+    location: str = "",
 ) -> dict[str, Any]:
     """Write the lines and run.json, and return the record.
 
@@ -47,6 +50,8 @@ def publish_extraction(
         Called with the SHA-256 of the lines' file before it gets its name.
     reviews
         Review decisions of the lines that are replaced (see `with_kept_reviews`).
+    lanes, location
+        Also write the lanes, as for `linework.files.vectors.read_write.write_lines`.
 
     Raises
     ------
@@ -64,6 +69,12 @@ def publish_extraction(
         record.update(record_of(extraction, output, parameters, steps, written=part))
         if reviews is not None:
             record["counts"]["reviews"] = dict(reviews.counts)
+        if lanes:
+            centre = find_lanes(extraction.lines).centre
+            record["counts"] |= {
+                "lanes": len(centre),
+                "lane_length_m": round(float(centre.length_m.sum()), 3),
+            }
         if note is not None:
             note(record["output"]["sha256"])
         return json_bytes(record)
@@ -73,6 +84,7 @@ def publish_extraction(
             reviews.lines if reviews else extraction.lines, output,
             kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite,
             beside={record_path(output): recorded}, finish=reviews.finish if reviews else None,
+            lanes=lanes, location=location,
         )  # fmt: skip
     return record
 

@@ -55,10 +55,11 @@ def changing_lines():
                               pattern=[v[3] for v in table.values()], bridged=bridged)  # fmt: skip
 
 
+@pytest.mark.parametrize("lanes", [False, True], ids=["spaces", "lanes"])
 @pytest.mark.parametrize("lines", [road_lines(), changing_lines()], ids=["bend", "changing"])
-def test_asam_finds_no_issue(tmp_path, lines):
+def test_asam_finds_no_issue(tmp_path, lines, lanes):
     path = tmp_path / "road.xodr"
-    write_lines(lines, path)
+    write_lines(lines, path, lanes=lanes)
     # One check is for versions up to 1.7
     assert issues(path) == ([], ["check_asam_xodr_junctions_connection_one_connection_element"])
 
@@ -133,7 +134,7 @@ def test_the_file_says_what_was_measured_and_no_more(tmp_path):
     assert {m.get("laneChange") for m in root.iter("roadMark")} <= {"none", "both"}
     assert all(m.get("height") is None for m in root.iter("roadMark"))
     lanes = {(lane.get("id"), lane.get("type")) for lane in root.iter("lane")}
-    assert lanes == {("-1", "driving"), ("0", "none"), ("1", "driving"), ("2", "none")}
+    assert lanes == {("-1", "none"), ("0", "none"), ("1", "none"), ("2", "none")}
     assert {o.get("id") for o in root.iter("object")} == {"rail", "wall", "wire"}
     text = not_expressed(road_lines(), path)[0]
     assert "1 lines of kerb_top, 1 lines of road_marking_other" in text
@@ -258,7 +259,7 @@ def test_what_is_no_road_is_one_line(tmp_path, text, error, words):
 
 
 def test_lines_without_lanes_are_refused(tmp_path):
-    with pytest.raises(UsageError, match="OpenDRIVE needs lanes"):
+    with pytest.raises(UsageError, match="OpenDRIVE needs a road"):
         write_lines(road_lines()["guardrail"], tmp_path / "a.xodr")
     assert list(tmp_path.iterdir()) == []
     local = road_lines().with_columns(crs="local")

@@ -15,12 +15,14 @@ from linework.cli.options import (
     AsJson,
     Crs,
     LinesOutput,
+    Location,
     Overwrite,
     Quiet,
     RunFile,
     SetValues,
     SurveyArgument,
     TrajectoryFile,
+    WithLanes,
     Workers,
     WorkFolder,
     read_settings,
@@ -59,6 +61,8 @@ def extract_command(
         str,
         typer.Option("--carry", metavar="NAME,...", help="Extra dimensions of the laser files to read."),
     ] = "",
+    lanes: WithLanes = False,
+    location: Location = "",
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
     set_values: SetValues = None,
@@ -96,6 +100,7 @@ def extract_command(
             held.enter_context(reserve_output(path, overwrite=overwrite or resume, inputs=inputs))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
+        from linework.files.vectors.lane_layer import check_lanes
         from linework.files.vectors.read_write import check_format
         from linework.methods.kinds import (
             check_method,
@@ -110,6 +115,7 @@ def extract_command(
         from linework.runs.steps import RunSteps
 
         check_format(output)
+        check_lanes(output, lanes=lanes, location=location)
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config, set_values)
@@ -140,7 +146,7 @@ def extract_command(
 
         request = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
-            overwrite=overwrite, resume=resume,
+            overwrite=overwrite, resume=resume, lanes=lanes, location=location,
         )  # fmt: skip
         request = replace(request, forget_reviews=forget_reviews)
         record, found = extract_to(request, recordings, folder, executor, steps)
@@ -176,6 +182,8 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
         say_json(record)
         return
     counts = record["counts"]
+    if "lanes" in counts:
+        say(f"{'lane':14} {counts['lanes']:6,} lanes {counts['lane_length_m']:12,.1f} m")
     for kind, n_lines in counts["lines"].items():
         say(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from linework.cli.failures import warn
@@ -56,9 +57,12 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
     yield f"CRS         {document['crs']['name']}, {height}"
     for file in document["files"]:
         left_out = ", ".join(f"{n:,} {reason}" for reason, n in file["rejected"].items())
+        kind = f"LAS {file['version']}, point format {file['point_format']}"
+        if not file["version"]:
+            kind = Path(file["file"]).suffix[1:].upper()
         yield (
-            f"file        {file['file']}: LAS {file['version']}, point format {file['point_format']}, "
-            f"{file['points']:,} points" + (f", left out: {left_out}" if left_out else "")
+            f"file        {file['file']}: {kind}, {file['points']:,} points"
+            + (f", left out: {left_out}" if left_out else "")
         )
     if document["points"]:
         yield from _points(document)

@@ -11,7 +11,7 @@ import importlib
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,8 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
-from linework.files.las.batches import read_las_batches
+from linework.files.clouds.rows import read_cloud_batches
+from linework.files.las.batches import LasBatch, read_las_batches
 from linework.files.las.decoder_messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.last_chunk import last_chunk_warnings
@@ -96,15 +97,7 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
 def _laser_of(task: DecodeTask) -> str:
     """Return which of the columns `carry` has the laser of a spinning scanner, "" for none, by the first points."""
     header = read_las_header(task.path)
-    with contextlib.closing(
-        read_las_batches(
-            task.path,
-            header,
-            carry=task.carry,
-            batch_points=task.batch_points,
-            is_sequential=task.is_sequential,
-        )
-    ) as batches:
+    with contextlib.closing(_batches(task, header)) as batches:
         first = next(batches)
         further = dict(zip(task.carry, first.columns.copy(), strict=True))
         return laser_column(Points(first.xyz, time_s=first.time_s, columns=further))
@@ -128,10 +121,7 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendRep
     """Write all batches and return their counts; on failure the target is removed."""
     written = _Written(tally, task, header)
     writer = None
-    batches = read_las_batches(
-        task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points,
-        is_sequential=task.is_sequential,
-    )  # fmt: skip
+    batches = _batches(task, header)
     try:
         with contextlib.closing(batches):
             for batch in batches:
@@ -151,6 +141,18 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendRep
         if writer is not None:
             writer.abort()
     return written
+
+
+def _batches(task: DecodeTask, header: LasHeader) -> Generator[LasBatch, None, None]:
+    """Return the batches of a file, in whatever format it is."""
+    if header.cloud is not None:
+        return read_cloud_batches(
+            task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points
+        )
+    return read_las_batches(
+        task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points,
+        is_sequential=task.is_sequential,
+    )  # fmt: skip
 
 
 def _writer(target: Path, report: SendReport) -> StoreWriter:

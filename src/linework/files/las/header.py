@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+from linework.files.clouds.headers import read_cloud_table
+from linework.files.clouds.table import CLOUD_SUFFIXES, CloudTable
 from linework.files.input import open_input
 from linework.files.las.chunks import LazTable, read_laz_table, refuse_unfinished
 from linework.files.las.columns import LasColumn, columns_of_las
@@ -48,6 +50,8 @@ class LasHeader:
         The CRS records as (record id, bytes).
     columns
         Further columns of the points by name, extra dimensions first.
+    cloud
+        Of a PLY or PCD file: where its points are. Such a file has no scales, no box and no CRS.
     """
 
     version: tuple[int, int]
@@ -64,6 +68,7 @@ class LasHeader:
     columns: Mapping[str, LasColumn]
     laz: LazTable | None
     warnings: tuple[str, ...]
+    cloud: CloudTable | None = None
 
     @property
     def has_time(self) -> bool:
@@ -72,20 +77,37 @@ class LasHeader:
 
     @property
     def version_text(self) -> str:
-        """Version as text, such as "1.4"."""
+        """Version as text, such as "1.4"; "" for files of other formats."""
+        if self.cloud is not None:
+            return ""
         return f"{self.version[0]}.{self.version[1]}"
 
 
 def read_las_header(path: Path) -> LasHeader:
-    """Read and check the header of a LAS, LAZ or COPC file.
+    """Read and check the header of a LAS, LAZ or COPC file, or of a PLY or PCD file.
 
     Raises
     ------
     InputError
         Not a regular LAS file, cut off, or a header that cannot be true; with the numbers.
     """
+    if path.suffix.lower() in CLOUD_SUFFIXES:
+        return _cloud_header(path)
     with open_input(path) as file:
         return _Reader(path, file, os.fstat(file.fileno()).st_size).header()
+
+
+def _cloud_header(path: Path) -> LasHeader:
+    """Return the header of a PLY or PCD file as that of a laser file without scales, box and CRS."""
+    table, n_points = read_cloud_table(path)
+    columns = {name: LasColumn(name, table.row[name].str, 0) for name in table.further}
+    warnings: tuple[str, ...] = ()
+    if table.intensity and table.row[table.intensity].kind == "f":
+        warnings = ("intensities are scaled to 0 to 65,535 where they are not whole numbers of that range",)
+    return LasHeader(
+        (0, 0), 1 if table.time else 0, table.row.itemsize, n_points, table.first_byte, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0),
+        None, None, False, (), columns, None, warnings, table,
+    )  # fmt: skip
 
 
 class _Reader:

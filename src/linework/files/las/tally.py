@@ -312,6 +312,9 @@ class LasTally:
         if not header.has_time:
             return TimeVerdict("none", warnings)
         kind, warning = self._time_kind(has_adjusted_bit=header.has_adjusted_time)
+        if header.cloud is not None and kind != "none":
+            # Other formats do not state the kind of their times: nothing to disagree with
+            warning = ""
         return TimeVerdict(kind, (*warnings, warning) if warning else warnings)
 
     def _time_kind(self, *, has_adjusted_bit: bool) -> tuple[TimeKind, str]:

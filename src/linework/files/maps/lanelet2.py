@@ -1,4 +1,4 @@
-"""Lines as a Lanelet2 map: OSM XML with a way per line, in degrees.
+"""Lines as a Lanelet2 map: OSM XML with a way per line, in degrees; on request with lanelets between them.
 
 References
 ----------
@@ -25,6 +25,7 @@ from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.maps.apart import NEAREST_M, set_apart
 from linework.files.maps.degrees import Heights, from_degrees, in_degrees
 from linework.files.maps.lanelet2_tags import kind_of_tags, tags_of_line
+from linework.files.maps.lanelets import Lanelet, lanelet_map
 from linework.files.maps.xml_text import children, field_texts, read_xml, text_table, xml_quoted
 from linework.files.vectors.gdal import foreign_lines
 from linework.model.lines import LineSet
@@ -41,15 +42,18 @@ def write_lanelet2(
     kinds: Sequence[str] = (),  # noqa: ARG001
     *,
     heights: Heights = "crs",
+    location: str = "",
 ) -> None:
-    """Write a Lanelet2 map (called through `publish`): what Lanelet2 has a type for.
+    """Write a Lanelet2 map (called through `publish`): what Lanelet2 has a type for, and lanelets if it has a location.
+
+    Lanelets can be driven in both directions: which one is allowed was not measured.
 
     Raises
     ------
     CrsError
         The lines are local, or PROJ knows no exact transformation to degrees.
     """
-    chosen, tags = _expressed(lines)
+    chosen, tags, lanelets = _expressed(lines, location)
     kept = set_apart(chosen)
     degrees = in_degrees(kept.xyz, kept.crs, heights=heights, where=part) if len(kept) else np.zeros((0, 3))
     texts = [
@@ -73,15 +77,40 @@ def write_lanelet2(
             refs = "".join(f'<nd ref="{node}"/>' for node in ids[kept.offsets[i] : kept.offsets[i + 1]])
             pairs = "".join(f"<tag k={xml_quoted(k)} v={xml_quoted(v)}/>" for k, v in tags[i].items())
             file.write(f'<way id="{way}" version="1">{refs}{pairs}</way>\n')
+        texts_of = [(str(ways[one.left]), str(ways[one.right])) for one in lanelets]
+        taken = {*ids, *ways}
+        for one, ends, number in zip(lanelets, texts_of, _ids(texts_of, taken), strict=True):
+            file.write(_relation(one, ends, number, location))
         file.write("</osm>\n")
 
 
-def _expressed(lines: LineSet) -> tuple[LineSet, list[dict[str, str]]]:
-    """Return the lines that Lanelet2 has a type for, and their tags."""
+def _relation(lanelet: Lanelet, ways: tuple[str, str], number: int, location: str) -> str:
+    """Return a lanelet between two ways. What rules it has follows from its location; a speed limit was not measured."""
+    tags = {
+        "type": "lanelet", "subtype": "road", "location": location, "one_way": "no",
+        "linework:width_m": f"{lanelet.width_m:.4f}",
+    }  # fmt: skip
+    members = "".join(
+        f'<member type="way" ref="{way}" role="{role}"/>'
+        for way, role in zip(ways, ("left", "right"), strict=True)
+    )
+    pairs = "".join(f"<tag k={xml_quoted(k)} v={xml_quoted(v)}/>" for k, v in tags.items())
+    return f'<relation id="{number}" version="1">{members}{pairs}</relation>\n'
+
+
+def _expressed(
+    lines: LineSet, location: str = ""
+) -> tuple[LineSet, list[dict[str, str]], tuple[Lanelet, ...]]:
+    """Return the lines that Lanelet2 has a type for, their tags, and lanelets between them if these have a location."""
+    lanelets: tuple[Lanelet, ...] = ()
+    if location:
+        lines, lanelets = lanelet_map(lines)
     fields = field_texts(lines)
     listed = [tags_of_line(lines[i], fields[i], number=i) for i in range(len(lines))]
     chosen = [i for i, tags in enumerate(listed) if tags]
-    return lines.take(np.array(chosen, dtype=np.int64)), [listed[i] for i in chosen]
+    place = {i: k for k, i in enumerate(chosen)}
+    lanelets = tuple(one._replace(left=place[one.left], right=place[one.right]) for one in lanelets)
+    return lines.take(np.array(chosen, dtype=np.int64)), [listed[i] for i in chosen], lanelets
 
 
 def lanelet2_losses(lines: LineSet) -> tuple[str, ...]:
@@ -133,6 +162,7 @@ def verify_lanelet2(
     path: Path,
     *,
     heights: Heights = "crs",  # noqa: ARG001
+    location: str = "",
 ) -> None:
     """Read the file back and compare every coordinate, to the millimetre.
 
@@ -141,9 +171,11 @@ def verify_lanelet2(
     MachineError
         Not the lines that were written.
     """
-    expected = set_apart(_expressed(lines)[0])
+    chosen, _, lanelets = _expressed(lines, location)
+    expected = set_apart(chosen)
     back = read_lanelet2(part, "kind", None, None, [])
-    same = len(back) == len(expected) and back.xyz.shape == expected.xyz.shape
+    n_lanelets = len(children(read_xml(part, "osm"), "relation"))
+    same = (len(back), len(back.xyz), n_lanelets) == (len(expected), len(expected.xyz), len(lanelets))
     if not same or not np.allclose(back.xyz, expected.xyz, rtol=0.0, atol=_ROUNDING_M):
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"

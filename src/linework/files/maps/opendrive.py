@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -48,8 +49,16 @@ class _Object(NamedTuple):
     t_m: FloatArray
 
 
-def write_opendrive(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001
-    """Write OpenDRIVE (called through `publish`): lanes between the lines, and rails and wires beside them.
+def write_opendrive(
+    lines: LineSet,
+    part: Path,
+    kinds: Sequence[str] = (),  # noqa: ARG001
+    *,
+    lanes: bool = False,
+) -> None:
+    """Write OpenDRIVE (called through `publish`): the spaces between the lines, and rails and wires beside them.
+
+    With `lanes`, spaces that are lanes (see `linework.lines.lane_sections.lane_roads`) are of the type driving.
 
     Raises
     ------
@@ -60,7 +69,7 @@ def write_opendrive(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> No
     roads = lane_roads(lines)
     if not roads:
         raise UsageError(
-            "OpenDRIVE needs lanes: no marking has another line 2.2 to 6.0 m beside it", where=part,
+            "OpenDRIVE needs a road: no marking has another line 2.2 to 6.0 m beside it", where=part,
             advice="write .osm or .gpkg",
         )  # fmt: skip
     offset = np.round(lines.xyz[:, :2].mean(axis=0), -3)
@@ -70,7 +79,7 @@ def write_opendrive(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> No
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n')
         file.write(_header(lines, offset))
         for i, road in enumerate(roads):
-            file.write(_road(road, i + 1, lines, offset, objects.get(i, []), fields))
+            file.write(_road(road, i + 1, lines, offset, objects.get(i, []), fields, has_lanes=lanes))
         file.write("</OpenDRIVE>\n")
 
 
@@ -95,7 +104,8 @@ def _header(lines: LineSet, offset: FloatArray) -> str:
 
 
 def _road(
-    road: LaneRoad, number: int, lines: LineSet, offset: FloatArray, objects: Sequence[_Object], fields: Sequence[Mapping[str, str]]
+    road: LaneRoad, number: int, lines: LineSet, offset: FloatArray, objects: Sequence[_Object],
+    fields: Sequence[Mapping[str, str]], *, has_lanes: bool,
 ) -> str:  # fmt: skip
     first, last = road.sections[0].first, road.sections[-1].last
     begin_m = float(road.station_m[first])
@@ -114,7 +124,9 @@ def _road(
         "<lateralProfile>" + _shapes(road, begin_m) + "</lateralProfile>",
         "<lanes>" + _records("laneOffset", "s", station, centre),
     ]
-    kept = road.sections
+    kept = (
+        road.sections if has_lanes else [replace(s, is_lane=(False,) * len(s.is_lane)) for s in road.sections]
+    )
     for i, section in enumerate(kept):
         neighbours = (kept[i - 1] if i else None, kept[i + 1] if i + 1 < len(kept) else None)
         texts.append(_lane_section(section, neighbours, road.station_m, begin_m, lines, fields))
@@ -336,7 +348,13 @@ def opendrive_losses(lines: LineSet) -> tuple[str, ...]:
     return tuple(found)
 
 
-def verify_opendrive(part: Path, lines: LineSet, path: Path) -> None:
+def verify_opendrive(
+    part: Path,
+    lines: LineSet,
+    path: Path,
+    *,
+    lanes: bool = False,  # noqa: ARG001
+) -> None:
     """Read the file back and compare every bound at every station, to the millimetre.
 
     Raises

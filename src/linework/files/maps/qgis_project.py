@@ -20,7 +20,7 @@ from linework.crs import LOCAL, epsg_text, horizontal_part
 from linework.errors import UsageError
 from linework.files.maps.xml_text import xml_escaped, xml_quoted
 from linework.files.output.publish import write_bytes
-from linework.files.vectors.fields import TABLES, qgis_style
+from linework.files.vectors.fields import LANE_LAYER, TABLES, qgis_style
 from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 
 #: The time of an archive's entry, always the same one.
@@ -46,7 +46,7 @@ def write_qgis_project(lines: Path, path: Path, *, overwrite: bool = False) -> i
         raise UsageError("a QGIS project needs a GeoPackage", where=lines, advice="convert it to .gpkg first")
     with reading_with_gdal(lines) as source:
         listed = [(str(name), str(kind)) for name, kind in pyogrio.list_layers(source) if kind]
-        layers = [(name, kind) for name, kind in listed if name not in TABLES]
+        layers = [(name, kind) for name, kind in listed if name not in TABLES or name == LANE_LAYER]
         facts = [pyogrio.read_info(source, layer=name) for name, _ in layers]
     crs = next((str(info["crs"]) for info in facts if info["crs"]), LOCAL)
     beside = os.path.relpath(lines.absolute(), path.absolute().parent).replace(os.sep, "/")

@@ -10,6 +10,7 @@ import pyproj
 
 from linework.crs import LOCAL, crs_text, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError, argument
+from linework.files.clouds.table import CLOUD_SUFFIXES
 from linework.files.input import is_address, matching_paths, regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
@@ -19,8 +20,12 @@ from linework.files.survey.kitti import read_kitti_folder
 from linework.files.survey.own_files import files_of_survey
 from linework.model.survey import Survey
 
-_SUFFIXES = (".las", ".laz")
+#: Formats of points. In a folder the first of them that is there is read.
+_LASER = (".las", ".laz")
+_SUFFIXES = (*_LASER, *CLOUD_SUFFIXES)
 _SURVEY_FILE = "survey.toml"
+#: Images of cameras, in a folder that is nothing else.
+_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
 _SRC_ADVICE = "name .las/.laz files or a survey folder"
 
 
@@ -40,7 +45,7 @@ def open_survey(
     Parameters
     ----------
     src
-        A .las, .laz or .copc.laz file, a folder of them, a pattern such as ``"points/*.laz"``, or several of these;
+        A .las, .laz, .copc.laz, .ply or .pcd file, a folder of them (of laser files only, if there are any), a pattern such as ``"points/*.laz"``, or several of these;
         one folder with a survey.toml, or that file; one KITTI raw drive or odometry sequence.
     crs
         CRS where the files do not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local".
@@ -167,7 +172,7 @@ def _matches(path: Path) -> list[Path]:
     files = [found for found in matched if found.suffix.lower() in _SUFFIXES and not found.is_dir()]
     found = files or [found for found in matched if found.is_dir()]
     if not found:
-        raise InputError("the pattern matches no .las/.laz file and no folder", where=path,
+        raise InputError("the pattern matches no file of points and no folder", where=path,
                          advice="check the folder and the pattern")  # fmt: skip
     return found
 
@@ -206,25 +211,54 @@ def _files_of(path: Path) -> list[Path]:
             if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".") and not p.is_dir()
         )
         if not files:
-            raise InputError("folder without .las/.laz files and without survey.toml", where=path,
+            _refuse_images_alone(path)
+            raise InputError(f"folder without points ({', '.join(_SUFFIXES)}) and without survey.toml", where=path,
                              advice="name the folder that holds them, or a KITTI folder")  # fmt: skip
-        return files
+        # Clouds beside laser files are as often made from these
+        laser = [p for p in files if p.suffix.lower() in _LASER]
+        return laser or files
     regular_file_bytes(path)
     if path.suffix.lower() not in _SUFFIXES:
-        raise InputError(f"suffix '{path.suffix}', expected .las, .laz or survey.toml", where=path,
+        raise InputError(f"suffix '{path.suffix}', expected {', '.join(_SUFFIXES)} or survey.toml", where=path,
                          advice="convert it to .laz")  # fmt: skip
     return [path]
 
 
+def _refuse_images_alone(folder: Path) -> None:
+    """Raise, for a folder of left and right images, what is missing to make it a survey."""
+    images = [p for p in _listed(folder) if p.suffix.lower() in _IMAGES and not p.name.startswith(".")]
+    n_left, n_right = (sum(p.name.lower().startswith(side) for p in images) for side in ("left", "right"))
+    if not n_left or not n_right:
+        return
+    calibration = (folder / "calib.txt").is_file()
+    missing = ["the times of the images", "the path of the vehicle"]
+    missing += ["where the cameras are in it"] if calibration else ["a calibration"]
+    also = " and calib.txt" if calibration else ""
+    raise InputError(
+        f"{n_left} left and {n_right} right images{also}, but no {_SURVEY_FILE}: {', '.join(missing)} are missing",
+        where=folder,
+        advice=f"write a {_SURVEY_FILE} with [cameras.left], [cameras.right] and [trajectory] or [navigation]",
+    )  # fmt: skip
+
+
 def _left_below(folder: Path) -> list[str]:
-    """Return a warning if folders in a folder hold laser files, which are not read."""
+    """Return warnings about points in a folder that are not read: in folders in it, and in other formats beside laser files."""
     below = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".") and not p.is_symlink()]
     n = {p.name: sum(file.suffix.lower() in _SUFFIXES for file in _listed(p)) for p in sorted(below)}
     named = ", ".join(name for name, count in n.items() if count)
+    here = [p.suffix.lower() for p in _listed(folder) if not p.name.startswith(".") and p.is_file()]
+    others = [suffix for suffix in here if suffix in CLOUD_SUFFIXES]
+    found = []
+    if others and any(suffix in _LASER for suffix in here):
+        found = [
+            f"{folder}: {len(others)} files of other formats ({', '.join(sorted(set(others)))}) are not read, since there"
+            " are laser files; name them to read them, too"
+        ]
     if not named:
-        return []
+        return found
     return [
-        f"{folder}: {sum(n.values())} laser files in folders below it are not read ({named}); name those folders too"
+        *found,
+        f"{folder}: {sum(n.values())} laser files in folders below it are not read ({named}); name those folders too",
     ]
 
 

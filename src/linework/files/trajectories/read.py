@@ -14,7 +14,7 @@ from linework.files.geodetic import EarthFrame
 from linework.files.images.lists import read_times
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.gnss import is_gnss_file, read_gnss
-from linework.files.logs.tables import read_table, write_table
+from linework.files.logs.tables import header_cells, read_table, write_table
 from linework.files.logs.text import TextBlock, text_blocks
 from linework.files.output.publish import publish
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
@@ -27,6 +27,7 @@ from linework.model.trajectory import Trajectory
 _POSITION = ("time_s", "easting_m", "northing_m", "height_m")
 _ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 _SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
+_HEADING_ALONE = "{path}: headings without roll and pitch are not used; images need all three"
 _SIGMA_ATTITUDE = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
 
 
@@ -108,7 +109,12 @@ def _times_of_poses(path: Path, settings: TrajectorySettings) -> FloatArray:
 
 def _read_csv(path: Path) -> TrajectoryContent:
     """Read a CSV with ``time_s,easting_m,northing_m,height_m`` and, if there, attitudes and sigmas."""
-    table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE))
+    header, _ = next(text_blocks(path), TextBlock(b"", 1)).without_first_line()
+    there = set(header_cells(header)[1])
+    # Two antennas, or a compass: a heading alone is not an attitude, which images need
+    is_heading_alone = "heading_deg" in there and not there & {"roll_deg", "pitch_deg"}
+    groups = (_SIGMA,) if is_heading_alone else (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE)
+    table = read_table(path, _POSITION, groups)
     columns = table.columns
     time_s, remarks = in_seconds(columns["time_s"], path)
 
@@ -125,7 +131,11 @@ def _read_csv(path: Path) -> TrajectoryContent:
             "sigma_xyz_m": group(_SIGMA),
             "sigma_attitude_deg": group(_SIGMA_ATTITUDE),
         },
-        warnings=(*table.warnings, *remarks),
+        warnings=(
+            *table.warnings,
+            *remarks,
+            *([_HEADING_ALONE.format(path=path)] if is_heading_alone else ()),
+        ),
     )
 
 

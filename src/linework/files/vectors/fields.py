@@ -25,7 +25,9 @@ DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
 REVIEWED = ("review", "condition", "note")
 #: Layer of the lines that people rejected; and the tables of a line file that hold no lines.
 REJECTED_LAYER = "rejected"
-TABLES = ("vertex", "layer_styles", "edit", "line_version")
+#: Layer of the lanes, whose rows follow from the lines.
+LANE_LAYER = "lane"
+TABLES = ("vertex", "layer_styles", "edit", "line_version", LANE_LAYER)
 #: Decimals of values computed for the table only; columns of a LineSet are written exactly.
 _COMPUTED_DECIMALS = 4
 

@@ -27,14 +27,17 @@ from linework.files.documents import read_json
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
+    LANE_LAYER,
     REVIEWED,
     field_values,
     fields_of_kind,
     vertex_columns,
 )
 from linework.files.vectors.gdal import foreign_lines, no_lines_error
+from linework.files.vectors.lane_layer import lane_fields
 from linework.files.vectors.left_out import bad_position
 from linework.files.vectors.point_layers import PointLayer
+from linework.lines.lanes import Lanes
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values
 
@@ -53,15 +56,18 @@ def write_geojson(
     part: Path,
     kinds: Sequence[str] = (),  # noqa: ARG001
     points: Sequence[PointLayer] = (),
+    lanes: Lanes | None = None,
 ) -> None:
-    """Write lines, then points, as one FeatureCollection, a feature per line of text (called through `publish`).
+    """Write lines, then points and lanes, as one FeatureCollection, a feature per line of text (called through `publish`).
 
-    The points of a layer have its name as their `kind`.
+    The points of a layer have its name as their `kind`; lanes have the kind "lane".
     """
     head = {"type": "FeatureCollection", "name": "lines", "crs": _crs_member(lines.crs), "crs_wkt": lines.crs}
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(_text(head)[:-1] + ',"features":[')
-        for i, feature in enumerate(chain(_line_features(lines), _point_features(points))):
+        for i, feature in enumerate(
+            chain(_line_features(lines), _point_features(points), _lane_features(lanes))
+        ):
             file.write(("\n" if i == 0 else ",\n") + _text(feature))
         file.write("\n]}\n")
 
@@ -82,6 +88,14 @@ def _point_features(points: Sequence[PointLayer]) -> Iterator[dict[str, Any]]:
         for i, place in enumerate(layer.xyz.tolist()):
             properties = {"kind": layer.name} | {name: column[i] for name, column in values.items()}
             yield _feature(properties, "Point", place)
+
+
+def _lane_features(lanes: Lanes | None) -> Iterator[dict[str, Any]]:
+    if lanes is not None:
+        values = {name: _plain(column) for name, column in lane_fields(lanes).items()}
+        for i in range(len(lanes)):
+            properties = {"kind": LANE_LAYER} | {name: column[i] for name, column in values.items()}
+            yield _feature(properties, "LineString", lanes.centre[i].xyz.tolist())
 
 
 def _feature(properties: dict[str, Any], kind: str, coordinates: Any) -> dict[str, Any]:
@@ -116,7 +130,9 @@ def _crs_member(crs: str) -> dict[str, Any]:
     return {"type": "name", "properties": {"name": name}}
 
 
-def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
+def verify_geojson(
+    part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = (), lanes: Lanes | None = None
+) -> None:
     """Read the file back and compare every coordinate of the lines, and the number of points.
 
     Raises
@@ -125,7 +141,7 @@ def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[Poin
         Not the lines that were written.
     """
     back = read_geojson(part, "kind", None, None, [])
-    n_features = len(lines) + sum(len(layer.xyz) for layer in points)
+    n_features = len(lines) + sum(len(layer.xyz) for layer in points) + len(lanes or ())
     same = back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz) and len(back) == len(lines)
     if not same or len(_load(part)["features"]) != n_features:
         raise MachineError(
@@ -136,7 +152,7 @@ def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[Poin
 def read_geojson(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the lines of a GeoJSON file, our own exactly; points are skipped.
+    """Read the lines of a GeoJSON file, our own exactly; points and our lanes are skipped.
 
     Features whose geometry cannot be read are added to `left_out`.
 
@@ -149,6 +165,8 @@ def read_geojson(
     """
     document = _load(path)
     features = [f for f in document.get("features", [document]) if isinstance(f, dict)]
+    if "crs_wkt" in document:
+        features = [f for f in features if not _is_lane(f.get("properties"))]
     read = [_shape(feature, i, left_out) for i, feature in enumerate(features)]
     shapes = np.array([*read, None], dtype=object)[:-1]
     own_crs = _crs_of(document, shapes, crs, path)
@@ -167,6 +185,10 @@ def read_geojson(
     if kinds is None and not left_out and not len(found) and read and "crs_wkt" not in document:
         raise no_lines_error(np.array([*read, None], dtype=object)[:-1], path)
     return found
+
+
+def _is_lane(properties: Any) -> bool:
+    return isinstance(properties, dict) and properties.get("kind") == LANE_LAYER and "left_id" in properties
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from linework.arrays import AnyArray, IntArray
 from linework.crs import LOCAL, parse_crs, same_crs
 from linework.errors import FREE_SPACE, LineworkError, MachineError, is_full_disk
 from linework.files.vectors.fields import (
+    LANE_LAYER,
     REJECTED_LAYER,
     TABLES,
     field_values,
@@ -26,7 +27,9 @@ from linework.files.vectors.fields import (
 )
 from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.files.vectors.gpkg_schema import FIXED_DATE, LayerTable, geopackage_bytes
+from linework.files.vectors.lane_layer import lane_fields
 from linework.files.vectors.point_layers import PointLayer
+from linework.lines.lanes import Lanes
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, geometries
 
@@ -42,6 +45,7 @@ def write_gpkg(
     kinds: Sequence[str] = (),
     points: Sequence[PointLayer] = (),
     finish: Callable[[bytes], bytes] | None = None,
+    lanes: Lanes | None = None,
 ) -> None:
     """Write lines and points to a new GeoPackage (called through `publish`).
 
@@ -60,6 +64,9 @@ def write_gpkg(
     for extra in points:
         places = np.asarray(shapely.points(extra.xyz), dtype=object)
         tables.append(LayerTable(extra.name, extra.fields, places, geometry="POINT"))
+    if lanes is not None:
+        tables.append(LayerTable(LANE_LAYER, lane_fields(lanes), geometries(lanes.centre)))
+        names.append(LANE_LAYER)
     tables.append(LayerTable(VERTEX_TABLE, vertex_table(lines, layers)))
     tables.append(LayerTable(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
     content = geopackage_bytes(tables, lines.crs)
@@ -108,7 +115,9 @@ def style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
     return columns
 
 
-def verify_gpkg(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
+def verify_gpkg(
+    part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = (), lanes: Lanes | None = None
+) -> None:
     """Check a written GeoPackage with SQLite, then read the lines back with GDAL, which did not write it.
 
     Raises
@@ -117,7 +126,8 @@ def verify_gpkg(part: Path, lines: LineSet, path: Path, points: Sequence[PointLa
         Damaged, rows or index entries missing, journal left, or other lines than were written.
     """
     try:
-        problem = _gpkg_problem(part, len(lines) + sum(len(layer.xyz) for layer in points))
+        n_features = len(lines) + sum(len(layer.xyz) for layer in points) + len(lanes or ())
+        problem = _gpkg_problem(part, n_features)
         if not problem:
             back = read_own_gpkg(part, rejected=True)
             same = back is not None and same_crs(back.crs, lines.crs) and np.array_equal(back.xyz, lines.xyz)
@@ -212,7 +222,7 @@ def geometry_layers(path: Path) -> set[str]:
     """
     with reading_with_gdal(path) as source:
         layers = pyogrio.list_layers(source)
-    return {str(name) for name, geometry in layers if geometry and name != REJECTED_LAYER}
+    return {str(name) for name, geometry in layers if geometry and name not in (REJECTED_LAYER, LANE_LAYER)}
 
 
 def _own_lines(path: Path) -> LineSet | None:

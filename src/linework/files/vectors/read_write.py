@@ -18,8 +18,10 @@ from linework.files.output.publish import FileBeside, check_output, publish
 from linework.files.vectors.cad_codes import CadCode
 from linework.files.vectors.fields import check_writable
 from linework.files.vectors.gdal_input import checked_vector_file
+from linework.files.vectors.lane_layer import check_lanes, lane_options
 from linework.files.vectors.left_out import left_out_text
 from linework.files.vectors.point_layers import PointLayer, point_layers
+from linework.lines.names import with_ids
 from linework.model.lines import LineSet
 from linework.model.logs import VanLog
 
@@ -79,6 +81,8 @@ def write_lines(
     finish: Callable[[bytes], bytes] | None = None,
     heights: str = "crs",
     codes: Sequence[CadCode] = (),
+    lanes: bool = False,
+    location: str = "",
 ) -> None:
     """Write lines in the format of the suffix.
 
@@ -99,11 +103,15 @@ def write_lines(
         Of a Lanelet2 map: those of the CRS, or above the ellipsoid ("ellipsoid"), which needs the grid of the geoid.
     codes
         Feature codes of a DXF file, as `linework.files.vectors.cad_codes.read_cad_codes` reads them.
+    lanes
+        Also write the lanes between the lines (see `linework.lines.lanes.find_lanes`): .gpkg, .geojson, .osm, .xodr.
+    location
+        Of the lanelets of an .osm: "urban", "nonurban" or "private".
 
     Raises
     ------
     UsageError
-        Not a path, unknown suffix, heights for another format than Lanelet2, codes for another than DXF, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
+        Not a path, unknown suffix, heights, lanes or codes for a format that has none, a coordinate that is not finite, a line of fewer than two vertices, or a file of a survey that
         was opened would be replaced.
     OutputExistsError, MachineError
         As for `publish`.
@@ -124,7 +132,11 @@ def write_lines(
     _check_path(path)
     path = Path(path)
     check_format(path)
+    check_lanes(path, lanes=lanes, location=location)
     check_writable(lines, path)
+    if lanes:
+        # Lanes name their lines
+        lines = with_ids(lines, ())
     write, verify = _writer(path)
     extra: dict[str, Any] = {"points": point_layers(points)} if path.suffix.lower() in _WITH_POINTS else {}
     if path.suffix.lower() == ".osm":
@@ -138,6 +150,7 @@ def write_lines(
         raise UsageError(
             f"{argument('codes')} is for .dxf files", where=path, advice=f"leave {argument('codes')} out"
         )
+    extra |= lane_options(lines, path, lanes=lanes, location=location)
     beside = dict(beside or {})
     prj = path.with_suffix(".prj")
     if path.suffix.lower() == ".dxf":

@@ -194,6 +194,7 @@ def draw_gore(rng: np.random.Generator, length_m: float) -> RoadLayout:
         markings=tuple(markings),
         symbols=tuple(symbols),
         stains=tuple(road_stains(rng, half, span)),
+        closed_m=((wide_to, span[1], -half - lane, inside - half),),
     )
 
 

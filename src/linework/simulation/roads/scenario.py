@@ -323,7 +323,8 @@ class RoadLayout:
     """The road and all that stands on and beside it.
 
     `lanes` are the (offset, direction) the van may drive; `far_edges_m` are offsets of further pavement
-    edges: a motorway's other carriageway.
+    edges: a motorway's other carriageway; `closed_m` are (start, end, right, left) of pavement that paint closes to
+    traffic.
     """
 
     road: Road
@@ -346,6 +347,7 @@ class RoadLayout:
     stains: tuple[Stain, ...] = ()
     houses: tuple[House, ...] = ()
     islands: tuple[Island, ...] = ()
+    closed_m: tuple[tuple[float, float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

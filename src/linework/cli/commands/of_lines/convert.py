@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linework.cli.options import Crs, Overwrite
+from linework.cli.options import Crs, Location, Overwrite, WithLanes
 from linework.cli.said import say
 
 
@@ -33,16 +33,19 @@ def convert(
             help="Feature codes of a .dxf: CSV with kind, pattern, role, form, layer, code.",
         ),
     ] = None,
+    lanes: WithLanes = False,
+    location: Location = "",
 ) -> None:
     """Convert LINES to another vector format.
 
     The points of the vehicle's log (images and operator keys) are copied where the format holds points. What the format
-    cannot hold is reported. A .qgz is a QGIS project with the layers of a .gpkg, which it refers to.
+    cannot hold is reported. --lanes adds the lanes that follow from the lines alone. A .qgz is a QGIS project with the layers of a .gpkg, which it refers to.
     """
     from linework.cli.failures import warn
     from linework.errors import PartialError, UsageError, argument
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.cad_codes import codes_of_lines, read_cad_codes
+    from linework.files.vectors.lane_layer import check_lanes
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
         check_format,
@@ -53,6 +56,7 @@ def convert(
         write_lines,
     )
 
+    check_lanes(output, lanes=lanes, location=location)
     if output.suffix.lower() == ".qgz":
         from linework.files.maps.qgis_project import write_qgis_project
 
@@ -70,14 +74,9 @@ def convert(
         found, left_out = read_usable_lines(lines, crs=crs)
         points = read_point_layers(lines)
         write_lines(
-            found,
-            output,
-            kinds=sorted(set(found.kind)),
-            points=points,
-            overwrite=overwrite,
-            heights=heights,
-            codes=table,
-        )
+            found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights,
+            codes=table, lanes=lanes, location=location,
+        )  # fmt: skip
     uncoded = sorted({kind for kind, code in zip(found.kind.tolist(), codes_of_lines(found, table), strict=True)
                       if table and code is None})  # fmt: skip
     if uncoded:

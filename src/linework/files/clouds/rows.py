@@ -1,0 +1,164 @@
+"""Read the points of PLY and PCD files in batches, as those of laser files."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+from collections.abc import Generator, Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from linework.arrays import AnyArray, FloatArray
+from linework.errors import InputError
+from linework.files.clouds.lzf import unpacked_lzf
+from linework.files.clouds.table import DAMAGED_ADVICE, CloudTable
+from linework.files.las.batches import EARLIEST_S, LATEST_S, LasBatch
+from linework.files.las.header import LasHeader
+from linework.model.points import FARTHEST_COORDINATE_M
+
+#: Coarsest step of coordinates: a tenth of what lines are asked to be right to. [m]
+_COARSEST_M = 1e-3
+_MOST_INTENSITY = 65_535
+
+
+def read_cloud_batches(
+    path: Path, header: LasHeader, *, factors: tuple[float, float], carry: Sequence[str], batch_points: int
+) -> Generator[LasBatch, None, None]:
+    """Yield all points of a PLY or PCD file, as `linework.files.las.batches.read_las_batches` those of a laser file.
+
+    Raises
+    ------
+    InputError
+        Points are missing, cannot be read, or have coordinates that 32-bit numbers round to more than a millimetre.
+    """
+    table = header.cloud
+    assert table is not None
+    low, span = _intensity_range(path, header, table, batch_points)
+    for rows in _checked(path, header, table, batch_points):
+        xyz = np.stack([rows[name].astype(np.float64) for name in table.xyz], axis=1)
+        _check_steps(path, table, xyz)
+        xyz *= np.array([factors[0], factors[0], factors[1]])
+        n = len(rows)
+        intensity = np.zeros(n, dtype=np.uint16)
+        if table.intensity:
+            values = np.nan_to_num((rows[table.intensity].astype(np.float64) - low) * span)
+            intensity[:] = np.clip(np.rint(values), 0, _MOST_INTENSITY)
+        time = rows[table.time].astype(np.float64) if table.time else None
+        columns = np.full((len(carry), n), np.nan, dtype=np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, name in enumerate(carry):
+                if name in table.further:
+                    columns[i] = rows[name]
+            # Places that are no numbers stand for beams without a return
+            absurd = np.asarray(~(np.abs(xyz) < FARTHEST_COORDINATE_M).all(axis=1))
+            untimed = None if time is None else np.asarray(~((time >= EARLIEST_S) & (time <= LATEST_S)))
+        xyz[absurd] = np.nan
+        yield LasBatch(
+            xyz, intensity, time, columns, None, None, absurd if absurd.any() else None,
+            untimed if untimed is not None and untimed.any() else None,
+        )  # fmt: skip
+
+
+def _check_steps(path: Path, table: CloudTable, xyz: FloatArray) -> None:
+    kinds = [table.row[name] for name in table.xyz]
+    finite = np.abs(xyz[np.isfinite(xyz).all(axis=1)])
+    if not len(finite) or not any(kind.kind == "f" and kind.itemsize == 4 for kind in kinds):
+        return
+    largest = float(finite[finite.max(axis=1) < FARTHEST_COORDINATE_M].max(initial=0.0))
+    step = float(np.spacing(np.float32(largest)))
+    # Text has the digits that it has, whatever type its header names
+    if step > _COARSEST_M and table.encoding != "text":
+        raise InputError(
+            f"coordinates of up to {largest:,.0f} m as 32-bit numbers, which are {step:g} m apart: no offset was taken off",
+            where=path, advice="write x, y and z as double, or less a whole offset",
+        )  # fmt: skip
+
+
+def _intensity_range(path: Path, header: LasHeader, table: CloudTable, n: int) -> tuple[float, float]:
+    """Return what is taken off intensities, and the factor that brings them to whole numbers from 0 to 65,535.
+
+    Those that are such numbers stay as they are.
+    """
+    if not table.intensity:
+        return 0.0, 1.0
+    kind = table.row[table.intensity]
+    if kind.kind == "u" and kind.itemsize <= 2:
+        return 0.0, 1.0
+    low, high, is_whole = np.inf, -np.inf, True
+    for rows in _checked(path, header, table, n):
+        values = rows[table.intensity].astype(np.float64)
+        values = values[np.isfinite(values)]
+        if len(values):
+            low, high = min(low, float(values.min())), max(high, float(values.max()))
+            is_whole = is_whole and bool((values == np.rint(values)).all())
+    if low > high or (is_whole and low >= 0 and high <= _MOST_INTENSITY):
+        return 0.0, 1.0
+    return low, _MOST_INTENSITY / (high - low) if high > low else 0.0
+
+
+def _checked(path: Path, header: LasHeader, table: CloudTable, n_batch: int) -> Iterator[AnyArray]:
+    """Yield the rows (n,) in batches; as many as the header promises."""
+    read = {"text": _text_rows, "rows": _byte_rows, "columns": _column_rows}[table.encoding]
+    n_read = 0
+    with path.open("rb") as file:
+        file.seek(table.first_byte)
+        try:
+            for rows in read(file, table, header.n_points, n_batch):
+                n_read += len(rows)
+                yield rows
+        except (ValueError, struct.error) as error:
+            raise InputError(
+                f"points {n_read:,} to {header.n_points:,} cannot be read ({str(error)[:60]})", where=path,
+                advice=DAMAGED_ADVICE,
+            ) from error  # fmt: skip
+    if n_read != header.n_points:
+        raise InputError(
+            f"header promises {header.n_points:,} points but the file holds {n_read:,} (cut off or damaged)",
+            where=path, advice=DAMAGED_ADVICE,
+        )  # fmt: skip
+
+
+def _byte_rows(file: BinaryIO, table: CloudTable, n_points: int, n_batch: int) -> Iterator[AnyArray]:
+    for first in range(0, n_points, n_batch):
+        n = min(n_batch, n_points - first)
+        data = file.read(n * table.row.itemsize)
+        yield np.frombuffer(data, table.row, len(data) // table.row.itemsize)
+        if len(data) < n * table.row.itemsize:
+            return
+
+
+def _text_rows(file: BinaryIO, table: CloudTable, n_points: int, n_batch: int) -> Iterator[AnyArray]:
+    names = table.row.names or ()
+    # Values of text are read as they stand there, not as the type that the header names
+    row = np.dtype([(name, "<f8") for name in names])
+    for first in range(0, n_points, n_batch):
+        n = min(n_batch, n_points - first)
+        lines = list(itertools.islice(file, n))
+        values = np.array(b" ".join(lines).split(), dtype=np.float64)
+        if len(values) != len(lines) * len(names):
+            raise ValueError(f"{len(values):,} values in {len(lines):,} lines of {len(names)}")
+        yield values.reshape(-1, len(names)).view(row)[:, 0]
+        if len(lines) < n:
+            return
+
+
+def _column_rows(file: BinaryIO, table: CloudTable, n_points: int, n_batch: int) -> Iterator[AnyArray]:
+    n_packed, n_bytes = struct.unpack("<II", file.read(8))
+    if n_bytes != n_points * table.row.itemsize:
+        raise ValueError(f"{n_bytes:,} bytes for {n_points:,} points of {table.row.itemsize}")
+    data = file.read(n_packed)
+    if len(data) < n_packed:
+        raise ValueError(f"{len(data):,} of {n_packed:,} compressed bytes")
+    block = unpacked_lzf(data, n_bytes)
+    columns, at = {}, 0
+    for name in table.row.names or ():
+        kind = table.row[name]
+        columns[name] = np.frombuffer(block, kind, n_points, at)
+        at += n_points * kind.itemsize
+    for first in range(0, n_points, n_batch):
+        rows = np.zeros(min(n_batch, n_points - first), table.row)
+        for name, column in columns.items():
+            rows[name] = column[first : first + len(rows)]
+        yield rows

@@ -1,0 +1,187 @@
+"""Lanes between lines: only where both bounds were measured, never outside an edge line, and as wide as they are."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from linework.lines.lanes import find_lanes
+from linework.model.lines import LineSet
+from linework.simulation.roads.draw import ROADS, draw_scenario
+from linework.simulation.roads.true_lanes import LANE_STEP_M, true_lanes
+from linework.simulation.scene.scene import build_scene, truth_lines
+
+X = np.arange(0.0, 101.0)
+
+
+def road(*rows, **columns):
+    """Return lines along the road: (id, kind, offset, role, pattern), the offset a number or a function of x."""
+    shapes = []
+    for _, _, offset, _, _ in rows:
+        y = offset(X) if callable(offset) else np.full(len(X), offset)
+        shapes.append(np.column_stack([X, y, 100 - 0.02 * np.abs(y)])[np.isfinite(y)])
+    names, kinds, _, roles, patterns = zip(*rows, strict=True)
+    n = sum(map(len, shapes))
+    given = {"sigma_xy_m": np.full(n, 0.01), **columns}
+    return LineSet.from_lines(shapes, id=names, kind=kinds, role=roles, pattern=patterns, **given)
+
+
+EDGE = ("edge", "lane_marking", 3.5, "edge", "solid")
+CENTRE = ("centre", "lane_marking", 0.0, "centre", "dashed")
+FAR = ("far", "lane_marking", -3.4, "edge", "solid")
+KERB = ("kerb", "road_boundary", 6.2, "", "")
+
+
+def pairs(lanes):
+    return sorted(zip(lanes.right_id.tolist(), lanes.left_id.tolist(), strict=True))
+
+
+def test_a_lane_has_both_lines_its_width_and_its_sigma():
+    lanes = find_lanes(road(EDGE, CENTRE, FAR))
+    assert {frozenset(pair) for pair in pairs(lanes)} == {
+        frozenset({"centre", "edge"}),
+        frozenset({"far", "centre"}),
+    }
+    own = {frozenset(pair): i for i, pair in enumerate(zip(lanes.right_id, lanes.left_id, strict=True))}
+    i = own[frozenset({"centre", "edge"})]
+    assert lanes.width_m[i] == pytest.approx(3.5, abs=1e-6)
+    assert lanes.width_min_m[i] == pytest.approx(3.5, abs=1e-6) == lanes.width_max_m[i]
+    assert lanes.sigma_width_m[i] == pytest.approx(0.01 * np.sqrt(2))
+    assert lanes.measured_share[i] == 1.0 and lanes.centre.confidence[i] == 1.0
+    assert lanes.centre.kind.tolist() == ["lane", "lane"] and len(set(lanes.centre.id)) == 2
+    np.testing.assert_allclose(np.abs(lanes.centre[i].xyz[:, 1]), 1.75, atol=1e-6)
+    assert lanes.next_id.tolist() == ["", ""]
+    # Left is to the left of the centreline's direction
+    way = np.sign(lanes.centre[i].xyz[-1, 0] - lanes.centre[i].xyz[0, 0])
+    assert (lanes.left_id[i] == "edge") == (way > 0)
+
+
+def test_outside_an_edge_line_there_is_none():
+    """A parking strip of 2.7 m is as wide as a lane; so is a shoulder, whatever the role of the line beside it."""
+    assert ("edge", "kerb") not in pairs(find_lanes(road(EDGE, CENTRE, FAR, KERB)))
+    mistaken = ("edge", "lane_marking", 3.5, "centre", "solid")
+    found = {frozenset(p) for p in pairs(find_lanes(road(mistaken, CENTRE, FAR, KERB)))}
+    assert frozenset({"edge", "kerb"}) not in found and frozenset({"centre", "edge"}) in found
+
+
+def test_a_centre_line_alone_has_lanes_on_both_sides_up_to_the_boundaries():
+    left, right = ("left", "road_boundary", 3.0, "", ""), ("right", "road_boundary", -3.0, "", "")
+    found = {frozenset(p) for p in pairs(find_lanes(road(CENTRE, left, right)))}
+    assert found == {frozenset({"centre", "left"}), frozenset({"centre", "right"})}
+    # Without a role nobody knows whether it is an edge line
+    unknown = ("centre", "lane_marking", 0.0, "", "solid")
+    assert len(find_lanes(road(unknown, left, right))) == 0
+    # Boundaries without paint between them are the land beside the road as often as a road
+    assert len(find_lanes(road(left, right))) == 0
+
+
+def test_an_edge_line_that_was_not_found_is_not_replaced_by_the_verge():
+    """With an edge line on one side there is one on the other, unless a kerb is there."""
+    verge = ("verge", "road_boundary", -3.7, "", "")
+    found = {frozenset(p) for p in pairs(find_lanes(road(EDGE, CENTRE, verge)))}
+    assert found == {frozenset({"centre", "edge"})}
+    lines = road(EDGE, CENTRE, verge)
+    kerb = find_lanes(lines.with_columns(form=["", "", "kerb"]))
+    assert {frozenset(p) for p in pairs(kerb)} == {
+        frozenset({"centre", "edge"}),
+        frozenset({"centre", "verge"}),
+    }
+
+
+@pytest.mark.parametrize(("width_m", "n"), [(2.1, 0), (2.3, 1), (4.3, 1), (4.5, 0), (6.5, 0)])
+def test_two_lanes_whose_line_is_worn_away_are_not_one(width_m, n):
+    lines = road(CENTRE, ("edge", "lane_marking", width_m, "edge", "solid"))
+    assert len(find_lanes(lines)) == n
+    assert len(find_lanes(lines, widths_m=(2.0, 6.0))) == (1 if width_m <= 6.0 else 0)
+
+
+def test_what_stands_between_ends_a_lane():
+    """Only where the rail is: before it and behind it the lane is two lanes, and no successor of each other."""
+    rail = ("rail", "guardrail", lambda x: np.where((x >= 40) & (x <= 60), 1.7, np.nan), "", "")
+    lanes = find_lanes(road(EDGE, CENTRE, rail))
+    spans = sorted((float(c.xyz[:, 0].min()), float(c.xyz[:, 0].max())) for c in lanes.centre)
+    # Stations are not quite at whole metres
+    np.testing.assert_allclose(spans, [(0.0, 39.0), (61.0, 100.0)], atol=1.0)
+    assert lanes.next_id.tolist() == ["", ""]
+
+
+def test_one_bridged_bound_lowers_the_confidence_and_two_end_the_lane():
+    one, other = np.zeros(101, dtype=bool), np.zeros(101, dtype=bool)
+    one[20:80] = True
+    lanes = find_lanes(road(EDGE, CENTRE, bridged=np.concatenate([one, other])))
+    assert len(lanes) == 1
+    assert lanes.measured_share[0] == pytest.approx(0.4, abs=0.03)
+    assert lanes.centre.confidence[0] == pytest.approx(0.7, abs=0.02)
+    other[40:60] = True
+    lanes = find_lanes(road(EDGE, CENTRE, bridged=np.concatenate([one, other])))
+    spans = sorted((float(c.xyz[:, 0].min()), float(c.xyz[:, 0].max())) for c in lanes.centre)
+    # Stations are not quite at whole metres
+    np.testing.assert_allclose(spans, [(0.0, 39.0), (61.0, 100.0)], atol=1.0)
+    assert len(find_lanes(road(EDGE, CENTRE, bridged=np.ones(202, dtype=bool)))) == 0
+
+
+def test_a_wedge_is_no_lane():
+    """Behind the end of a lane its two lines run together over 60 m: the lane ends where that begins."""
+    closing = (
+        "edge",
+        "lane_marking",
+        lambda x: np.where(x < 40, 3.5, 3.5 - 0.055 * (x - 40)),
+        "edge",
+        "solid",
+    )
+    (lane,) = find_lanes(road(closing, CENTRE)).centre
+    assert lane.xyz[:, 0].max() == pytest.approx(40.0, abs=6.0)
+
+
+def test_a_line_that_jumps_cuts_the_lane():
+    jumping = ("edge", "lane_marking", lambda x: 3.2 + 0.5 * np.clip((x - 50) / 2.0, 0, 1), "edge", "solid")
+    lanes = find_lanes(road(jumping, CENTRE))
+    assert len(lanes) == 2
+    assert sorted(lanes.width_m.round(2).tolist()) == pytest.approx([3.2, 3.7], abs=0.03)
+
+
+def test_a_lane_continues_where_a_line_begins_at_the_end_of_another():
+    first = ("first", "lane_marking", lambda x: np.where(x <= 50, 3.5, np.nan), "edge", "solid")
+    second = ("second", "lane_marking", lambda x: np.where(x >= 50, 3.5, np.nan), "edge", "dashed")
+    lanes = find_lanes(road(CENTRE, first, second))
+    assert len(lanes) == 2
+    i = next(k for k in range(2) if lanes.next_id[k])
+    assert lanes.next_id[i] == lanes.centre.id[1 - i] and lanes.next_id[1 - i] == ""
+    apart = ("second", "lane_marking", lambda x: np.where(x >= 50, 3.6, np.nan), "edge", "dashed")
+    assert find_lanes(road(CENTRE, first, apart)).next_id.tolist() == ["", ""]
+
+
+def test_lanes_do_not_depend_on_the_order_or_direction_of_lines():
+    lines = road(EDGE, CENTRE, FAR, KERB)
+    one = find_lanes(lines)
+    other = find_lanes(lines.take([3, 1, 0, 2]))
+    assert one.left_id.tolist() == other.left_id.tolist() and one.right_id.tolist() == other.right_id.tolist()
+    assert one.centre.id.tolist() == other.centre.id.tolist()
+    # A road follows one of the longest lines: of two as long as each other either
+    np.testing.assert_allclose(one.right_xyz, other.right_xyz, atol=1e-9)
+
+
+def test_no_lines_have_no_lanes():
+    assert len(find_lanes(LineSet.empty("EPSG:25832"))) == 0
+    assert find_lanes(LineSet.empty("EPSG:25832")).centre.crs.startswith("PROJCRS")
+
+
+@pytest.mark.parametrize("kind", ROADS)
+def test_between_exact_lines_all_lanes_are_found_and_none_invented(kind):
+    """Lanes that the simulator states, which are not made from lines: at least 85 %, as wide to 3 cm."""
+    scenario = draw_scenario(kind, 77, 120.0)
+    empty = (np.zeros((1, 3)), np.zeros(1, dtype=np.int64), np.zeros(1))
+    lines = truth_lines(scenario, build_scene(scenario), empty, "local")
+    lanes, true = find_lanes(lines), true_lanes(scenario, most_m=4.4)
+    middle = 0.5 * (true.right_xyz + true.left_xyz)
+    width = np.hypot(*(true.left_xyz - true.right_xyz)[:, :2].T)
+    for lane, own in zip(lanes.centre, lanes.width_m, strict=True):
+        assert len(middle)
+        distance, nearest = cKDTree(middle[:, :2]).query(lane.xyz[:, :2])
+        # The lines, but not the lanes that are stated, continue beyond the drive
+        along, _ = scenario.layout.road.alignment.locate(lane.xyz[:, :2] - scenario.origin_m[:2])
+        driven = (along >= 0.0) & (along <= scenario.length_m)
+        assert (distance[driven] < 1.0).mean() > 0.9
+        assert own == pytest.approx(np.median(width[nearest]), abs=0.03)
+    if kind not in ("junction", "roundabout", "mixed"):
+        asked = LANE_STEP_M * np.count_nonzero(width >= 2.2)
+        assert lanes.centre.length_m.sum() >= 0.85 * asked
