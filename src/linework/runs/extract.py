@@ -19,8 +19,8 @@ from linework.model.survey import Survey
 from linework.processes.executors import Executor
 from linework.processes.identity import identity_of
 from linework.published.methods import published_method
+from linework.runs.drives.adjusted import find_lines_of_drives
 from linework.runs.extraction import Extraction, Failure
-from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
 from linework.runs.outputs import publish_extraction, refuse_to_lose, with_kept_reviews
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
@@ -50,6 +50,8 @@ class ExtractionRequest:
         Continue a run of the same request that was killed.
     forget_reviews
         Discard the review decisions of the lines that are replaced.
+    adjust
+        Make several drives over one road agree first.
     """
 
     output: Path
@@ -60,6 +62,7 @@ class ExtractionRequest:
     overwrite: bool = False
     resume: bool = False
     forget_reviews: bool = False
+    adjust: bool = True
 
 
 def extract_to(
@@ -88,9 +91,9 @@ def extract_to(
     if not order.forget_reviews:
         refuse_to_lose(order.output)
     with run_folder(work, order.output, described, resume=order.resume) as run:
-        found = find_lines(
+        found = find_lines_of_drives(
             recordings, order.methods, run, settings=order.settings, ground=order.ground,
-            executor=executor, steps=steps,
+            executor=executor, steps=steps, adjust=order.adjust,
         )  # fmt: skip
         found, reviews = with_log(found, recordings), None
         if not order.forget_reviews:
@@ -140,6 +143,7 @@ def extraction_request(
     ground: Ground | GroundFinder | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    adjust: bool = True,
 ) -> ExtractionRequest:
     """Return the order to look for `kinds` by a method ("auto": what suits each kind).
 
@@ -155,6 +159,8 @@ def extraction_request(
         Methods instead of those that `method` names, see `linework.methods.choose.selected_methods`.
     ground
         Own ground, or a function that returns it; None: it is found.
+    adjust
+        Make several drives over one road agree first.
 
     Raises
     ------
@@ -194,7 +200,9 @@ def extraction_request(
             **({"paint": paint} if paint else {}),
             **({"methods": [identity_of(chosen) for chosen in given]} if given is not None else {}),
             **({"own": own} if own else {}),
+            **({} if adjust else {"adjust": False}),
         },
         overwrite=overwrite,
         resume=resume,
+        adjust=adjust,
     )
