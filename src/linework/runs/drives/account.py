@@ -38,7 +38,7 @@ class DrivesAccount:
     drives
         In the order of their times.
     apart_m, left_apart_m
-        Root mean square of the differences between drives at their lines, across and in height, before and after. [m]
+        Median size of the differences between drives at their lines, across and in height, before and after. [m]
 
     Examples
     --------

@@ -164,12 +164,16 @@ def adjusted_drives(
                 (_rms(along[is_level]), _rms(along[~is_level])),
             )
         )  # fmt: skip
-    apart = [(_rms(d[level]), _rms(d[~level])) for d in (ties.apart_m, left)]
+    apart = [(_median_size(d[level]), _median_size(d[~level])) for d in (ties.apart_m, left)]
     return AdjustedDrives(drives, correction, DrivesAccount(tuple(accounts), *apart))
 
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _median_size(values: FloatArray) -> float:
+    return float(np.median(np.abs(values))) if len(values) else 0.0
 
 
 def with_common_sigma(lines: LineSet, adjusted: AdjustedDrives) -> LineSet:

@@ -23,8 +23,9 @@ TIE_KINDS = ("lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "
 _FACED, _FACE_M = ("guardrail", "barrier"), 0.02
 #: Length over which the differences of two lines are one tie: errors of lines are related over some metres. [m]
 _PIECE_M = 5.0
-#: Reach of the first ties, less than half of the width of a lane; later ones are between lines that agree. [m]
-FIRST_REACH_M, LAST_REACH_M = 1.0, 0.15
+#: Reach of the first ties, less than half of the width of a lane, and of the last ones, less than the width of a stripe:
+#: the lines of a double one are farther apart. [m]
+FIRST_REACH_M, LAST_REACH_M = 1.0, 0.08
 #: Least deviation of a line's position: its parts that two drives measure differ by the grain of the road. [m]
 _LEAST_M = 0.005
 #: A line that turns more than 15 degrees from another is not the same.
