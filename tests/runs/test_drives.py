@@ -211,6 +211,7 @@ def test_adjusted_lines_are_nearer_to_the_truth_than_those_of_either_drive(surve
     scene, middle = survey
     as_they_are = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path, adjust=False)
     assert adjusted != as_they_are
+    assert adjusted.report.adjusted.startswith("2 drives adjusted") and as_they_are.report.adjusted == ""
     error = rms_across(adjusted, scene.truth)
     for first, last in ((-np.inf, middle), (middle, np.inf)):
         points, path = scene.part(first, last)
