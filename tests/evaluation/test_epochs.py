@@ -17,7 +17,7 @@ TABLE = {"edge": ("lane_marking", 3.5), "middle": ("lane_marking", 0.0), "other"
 SIGMA_XY, SIGMA_Z = 0.008, 0.01
 
 
-def epoch(seed, table=TABLE, moved=None, hidden=None, drift_m=0.05):
+def epoch(seed, table=TABLE, moved=None, hidden=None, drift_m=0.05, related_m=40.0):
     """Return a survey of a road of 1 km: slow errors of navigation, an error per line, and changes.
 
     `moved` has distances across and up by line and stretch; `hidden` are bridged stretches.
@@ -30,9 +30,9 @@ def epoch(seed, table=TABLE, moved=None, hidden=None, drift_m=0.05):
         x, y = np.cumsum(2.0 * np.cos(heading)), np.cumsum(2.0 * np.sin(heading))
         left = np.column_stack([-np.sin(heading), np.cos(heading)])
         away, up = np.full(len(S), offset), 0.01 * S
-        # The same error along tens of metres, as navigation and calibration leave it
-        knots = rng.normal(0, 1, (2, len(S) // 20 + 2))
-        wave = [np.interp(S, np.arange(knots.shape[1]) * 40.0, k) for k in knots]
+        # The same error over some metres, or tens of them, as navigation and calibration leave it
+        knots = rng.normal(0, 1, (2, int(S[-1] / related_m) + 2))
+        wave = [np.interp(S, np.arange(knots.shape[1]) * related_m, k) for k in knots]
         away, up = away + SIGMA_XY * wave[0], up + SIGMA_Z * wave[1]
         for a, b, across, rise in (moved or {}).get(name, ()):
             inside = (a <= S) & (b >= S)
@@ -62,7 +62,7 @@ def test_the_registration_is_that_of_the_navigation():
     assert inside.sum() >= 9
     # Mean difference of all lines: errors of lines are averaged over six of them
     shift = new.xyz.reshape(6, -1, 3).mean(axis=0) - old.xyz.reshape(6, -1, 3).mean(axis=0)
-    middle = (registration.cells + 0.5) * 100.0
+    middle = (registration.cells + 0.5) * 25.0
     at = [int(np.argmin(np.hypot(*(old.xyz[: len(S), :2] - m).T))) for m in middle]
     assert np.median(np.abs(registration.shift_m[:, 2] - shift[at, 2])[inside]) < 0.01
     assert np.median(registration.sigma_m[:, 0]) < 0.01
@@ -82,6 +82,51 @@ def test_a_moved_kerb_and_a_raised_rail_are_found(seed):
     assert all(0.008 < c.sigma_across_m < 0.03 for c in changes)
 
 
+def test_shifts_of_two_deviations_are_found_where_errors_are_related_over_10_m():
+    """Significance adds up over the independent stations of a stretch; nothing else is called a change."""
+    n_found, n_false, names = 0, 0, list(TABLE)
+    for seed in range(8):
+        name, start = names[seed % 6], 100.0 + 90.0 * seed
+        size = (-1) ** seed * 2.0 * np.hypot(SIGMA_XY, SIGMA_XY)
+        new = epoch(300 + seed, moved={name: [(start, start + 100.0, size, 0.0)]}, related_m=10.0)
+        changes = compare_epochs(epoch(200 + seed, related_m=10.0), new)[0]
+        own = [c for c in changes if c.line.id[0] == name and c.from_m < start + 100.0 and c.to_m > start]
+        n_found += sum(c.length_m for c in own) >= 30.0
+        n_false += len(changes) - len(own)
+    assert n_found >= 7
+    assert n_false <= 8
+
+
+def with_dashes(lines, missing=()):
+    """Return lines with the dashes of "middle", 3 m every 9 m, but for those that begin within stretches."""
+    middle = lines.take(lines.id == "middle")
+    starts = [s for s in np.arange(6.0, 980.0, 9.0) if not any(a <= s <= b for a, b in missing)]
+    dashes = [
+        line_stretch(middle, s, s + 3.0).with_columns(kind=["lane_marking_dash"], id=[f"d{s:.0f}"])
+        for s in starts
+    ]
+    return LineSet.concatenate([lines, *dashes])
+
+
+def test_dashes_that_are_worn_away_or_painted_are_found():
+    old, new = with_dashes(epoch(21), [(500, 520)]), with_dashes(epoch(22), [(300, 330), (700, 704)])
+    changes = found(old, new, "changed")
+    assert [c.what for c in changes] == ["4 dashes gone", "3 dashes new"]
+    assert all(c.line.id[0] == "middle" for c in changes)
+    assert abs(changes[0].from_m - 303) < 4 and abs(changes[1].from_m - 500) < 6
+    # Where the marking was hidden, nothing is known of its dashes
+    hidden = with_dashes(epoch(22, hidden={"middle": [(280, 350)]}), [(300, 330)])
+    assert not list(found(with_dashes(epoch(21)), hidden, "changed"))
+
+
+def test_another_height_of_a_rail_is_a_change():
+    heights = np.array([np.nan] * 5 + [0.75])
+    old = epoch(31).with_columns(height_m=heights)
+    (change,) = found(old, epoch(32).with_columns(height_m=heights - 0.10), "changed")
+    assert change.what == "height 0.75 to 0.65 m" and change.line.id[0] == "rail"
+    assert not found(old, epoch(33).with_columns(height_m=heights - 0.02), "changed")
+
+
 def test_new_and_gone_lines_are_found():
     table = {**{k: v for k, v in TABLE.items() if k != "other"}, "fence": ("fence", -6.0)}
     changes = [c for c in compare_epochs(epoch(3), epoch(4, table))[0] if c.length_m > 30]
@@ -92,8 +137,9 @@ def test_new_and_gone_lines_are_found():
 def test_hidden_places_are_said_and_not_gone():
     old = epoch(5)
     changes = compare_epochs(old, epoch(6, hidden={"rail": [(400, 480)]}))[0]
-    rail = [c for c in changes if c.line.id[0] == "rail"]
+    rail = [c for c in changes if c.line.id[0] == "rail" and c.status != "moved"]
     assert [c.status for c in rail] == ["not visible"] and 75 <= rail[0].length_m <= 90
+    assert abs(rail[0].from_m - 400) < 20 and abs(rail[0].to_m - 480) < 20
     # Where the new survey has nothing at all, nothing is gone
     new = epoch(7)
     half = LineSet.concatenate([line_stretch(new.take([i]), 0.0, 600.0) for i in range(6)])
@@ -128,12 +174,25 @@ def test_the_command_writes_the_changes(linework, tmp_path):
             "compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / f"c.{suffix}"
         )
         assert done.code == 0, done.stderr
-        assert "moved        road_boundary" in done.stdout and "registered in 13 cells" in done.stdout
+        assert "moved        road_boundary" in done.stdout and "registered in " in done.stdout
     rows = (tmp_path / "c.csv").read_text().splitlines()
     assert rows[0].startswith("status,kind,line,length_m,across_m") and any(
         r.startswith("moved,road_boundary,kerb,") for r in rows
     )
     assert pyogrio.read_info(tmp_path / "c.gpkg", layer="change")["features"] == len(rows) - 1
+    page = tmp_path / "c.html"
+    done = linework(
+        "compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / "r.csv", "--report", page
+    )
+    assert done.code == 0, done.stderr
+    text = page.read_text()
+    assert text.count("data:image/png;base64,") == 3
+    assert "By line and station" in text and "<td>kerb</td><td>road_boundary</td><td>moved</td>" in text
+    assert "http" not in text.replace("http-equiv", "")
+    done = linework(
+        "compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / "s.csv", "--report", "p.pdf"
+    )
+    assert done.code == 2 and not (tmp_path / "s.csv").exists()
     done = linework("compare", tmp_path / "old.gpkg", tmp_path / "old.gpkg", "-o", tmp_path / "none.gpkg")
     assert done.code == 0 and "0 changes" in done.stdout
     assert (

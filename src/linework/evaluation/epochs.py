@@ -8,27 +8,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
 from linework.crs import describe_crs, same_crs
 from linework.errors import CrsError
+from linework.evaluation.dash_changes import dash_runs
+from linework.evaluation.shifts import Chance, least_deviations, related_of, scale_of, shifted_runs
 from linework.lines.along import line_stretch, runs_of
 from linework.lines.crosscuts import Axis, axis_along, cross_cuts
 from linework.model.lines import LineSet
 
 #: Lines of one kind nearer than this are the same line; a kerb that moves further is another one. [m]
 SAME_M = 1.5
-#: Length of a stretch over which differences are averaged and judged. [m]
-_PIECE_M = 10.0
-#: A change reaches as far as differences exceed two-sided 5 % of a normal distribution ...
-_TWO_SIDED = 1.96
-#: ... and is one where they somewhere exceed what chance gives this often in a kilometre of road.
-_FALSE_PER_KM = 0.5
-#: Length of road with one registration: navigation errors change over some 10 s of driving. [m]
-_CELL_M = 100.0
+#: Length of a piece over which differences are averaged before they are judged. [m]
+_PIECE_M = 5.0
+#: A line has moved over stretches whose differences chance gives this often in a kilometre of road.
+_FALSE_PER_KM = 0.25
+#: Size of a cell with one registration, and the distance from its middle of the lines that it is from: navigation errors
+#: change over some 10 s of driving, by a tenth of that within a cell. [m]
+_CELL_M, _WINDOW_M = 25.0, 60.0
 #: What the two surveys may be apart: shift, and turn of a cell. [m, rad]
 _PRIOR_SHIFT_M, _PRIOR_TURN = 0.3, 0.002
 #: A line that turns more than 25 degrees from another is not the same.
@@ -37,6 +38,8 @@ _ALONG_COSINE = 0.9
 _VISIBLE_M = 10.0
 #: Kinds that are parts of others, and change with them.
 _PARTS = ("lane_marking_dash",)
+#: A height has changed beyond this many deviations: by chance one line in 370.
+_HEIGHT_DEVIATIONS = 3.0
 #: Least deviation of a position, where lines state none: the repeatability of good mobile mapping. [m]
 _LEAST_SIGMA_M = 0.01
 
@@ -51,24 +54,30 @@ class EpochChange:
         "new", "gone", "moved", "changed" or "not visible".
     line
         The stretch: of the new survey's line for "new", else of the old one's.
-    length_m
-        Its length. [m]
+    from_m, to_m
+        Distance of its ends from the start of that line. [m]
     across_m, up_m
         Mean difference new minus old after registration, positive to the left and up; NaN where there is none. [m]
     sigma_across_m, sigma_up_m
         Standard deviations of the differences, with that of the registration. [m]
     what
-        What is different of a "changed" line.
+        What is different of a "changed" line; of dashes that are new, it is a stretch of the new survey's line.
     """
 
     status: str
     line: LineSet
-    length_m: float
+    from_m: float
+    to_m: float
     across_m: float
     up_m: float
     sigma_across_m: float
     sigma_up_m: float
     what: str
+
+    @property
+    def length_m(self) -> float:
+        """Return its length [m]."""
+        return self.to_m - self.from_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,24 +132,38 @@ def compare_epochs(old: LineSet, new: LineSet) -> tuple[list[EpochChange], Regis
 
     Notes
     -----
-    Lines of one kind are compared at every metre across; differences are averaged over 10 m. Their deviation is
-    sqrt(s_old^2 + s_new^2 + s_registration^2). A line has moved over stretches beyond 1.96 deviations, if at least one
-    of them is beyond what chance gives once in 2 km with as many comparisons: 3 to 3.5 deviations.
+    Lines of one kind are compared at every metre across, in means over 5 m, after registration. Their deviation is
+    sqrt(s_old^2 + s_new^2 + s_registration^2), times what differences of lines of that kind are found to be in the two
+    surveys. A line has moved over stretches whose mean chance gives, with as many comparisons and as far as neighbouring
+    differences are related, once in 4 km of road.
     """
     if not same_crs(old.crs, new.crs):
         raise CrsError(f"two different CRSs: {describe_crs(old.crs)} and {describe_crs(new.crs)}",
                        where="the new lines", advice="convert one of them")  # fmt: skip
+    paint = [
+        _of_dashes(lines, run, what)
+        for lines, other, what in ((old, new, "gone"), (new, old, "new"))
+        for run in dash_runs(lines, other)
+    ]
     old, new = (s.take(~np.isin(s.kind, _PARTS) & (s.length_m > 0)) for s in (old, new))
     there, back = _stations(old, new), _stations(new, old)
     registration = _registered(there)
-    least = _least_deviations(there, registration)
+    pieces = _moved_pieces(old, there, registration)
     changes = [
-        change for i in range(len(old)) for change in _of_line(old, new, there, i, registration, least)
+        change for i in range(len(old)) for change in _of_line(old, new, there, i, registration, pieces)
     ]
     for i in range(len(new)):
         alone = (back.line == i) & (back.partner < 0) & ~back.bridged
         changes += _stretches(new, back, i, alone, "new")
-    return changes, registration
+    return changes + paint, registration
+
+
+def _of_dashes(lines: LineSet, run: tuple[int, float, float, int], what: str) -> EpochChange:
+    line, from_m, to_m, n = run
+    none = (math.nan,) * 4
+    return EpochChange(
+        "changed", line_stretch(lines.take([line]), from_m, to_m), from_m, to_m, *none, f"{n} dashes {what}"
+    )
 
 
 def _stations(lines: LineSet, others: LineSet) -> _Stations:
@@ -198,15 +221,16 @@ def _partners(axis: Axis, kind: str, others: LineSet) -> tuple[AnyArray, ...]:
 def _registered(stations: _Stations) -> Registration:
     """Return the shifts of cells from the lines that both surveys have, by least absolute deviations over lines."""
     good = np.flatnonzero((stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged)
-    cell = np.floor(stations.xyz[good, :2] / _CELL_M).astype(np.int64)
-    cells, index = (
-        np.unique(cell, axis=0, return_inverse=True)
-        if len(good)
-        else (np.zeros((0, 2), dtype=np.int64), good)
-    )
-    rows = [_cell(stations, good[index.ravel() == k], (cells[k] + 0.5) * _CELL_M) for k in range(len(cells))]
+    place = stations.xyz[good, :2]
+    cells = np.unique(np.floor(place / _CELL_M).astype(np.int64), axis=0)
+    rows = []
+    if len(good):
+        origin = place[0]
+        middles = (cells + 0.5) * _CELL_M
+        near = cKDTree(place - origin).query_ball_point(middles - origin, _WINDOW_M, return_sorted=True)
+        rows = [_cell(stations, good[own], middle) for own, middle in zip(near, middles, strict=True)]
     return Registration(
-        cells, np.array([r[0] for r in rows]).reshape(-1, 3), np.array([r[1] for r in rows]),
+        cells.reshape(-1, 2), np.array([r[0] for r in rows]).reshape(-1, 3), np.array([r[1] for r in rows]),
         np.array([r[2] for r in rows]).reshape(-1, 2), np.array([r[3] for r in rows], dtype=np.int64),
     )  # fmt: skip
 
@@ -254,15 +278,65 @@ def _differences(
     return stations.across_m[rows] - moved, stations.up_m[rows] - shift[:, 2], registration.sigma_m[k]
 
 
-def _least_deviations(stations: _Stations, registration: Registration) -> float:
-    """Return the number of deviations that chance exceeds `_FALSE_PER_KM` times in a kilometre of road."""
-    n_tests = 2 * max(np.count_nonzero(stations.partner >= 0) / _PIECE_M, 1.0)
-    allowed = _FALSE_PER_KM * max(len(registration.cells), 1) * _CELL_M / 1000.0
-    return NormalDist().inv_cdf(1.0 - min(allowed / n_tests, 0.05) / 2)
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """Pieces of the lines of the old survey that both surveys measured.
+
+    Parameters
+    ----------
+    line
+        (k,) line of each.
+    stations
+        Stations of each piece.
+    is_moved
+        (k,) bool: more than chance.
+    """
+
+    line: IntArray
+    stations: list[IntArray]
+    is_moved: BoolArray
+
+
+def _moved_pieces(old: LineSet, stations: _Stations, registration: Registration) -> _Pieces:
+    """Return all pieces and which of them have moved.
+
+    What chance does is taken from all lines of one kind: how large their differences are against the stated deviations, and
+    over which distance they are related. Significance adds up over stretches of any length.
+    """
+    both = np.flatnonzero((stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged)
+    if not len(both):
+        return _Pieces(np.zeros(0, dtype=np.int64), [], np.zeros(0, dtype=bool))
+    across, up, s_reg = _differences(stations, both, registration)
+    sigma = np.sqrt(stations.sigma_m[both] ** 2 + s_reg**2)
+    number = np.floor(stations.along_m[both] / _PIECE_M).astype(np.int64)
+    pieces, index = np.unique(np.stack([stations.line[both], number], axis=1), axis=0, return_inverse=True)
+    index = index.ravel()
+    count = np.bincount(index)
+    size = np.stack(
+        [np.bincount(index, weights=v) / count for v in (across / sigma[:, 0], up / sigma[:, 1])], axis=1
+    )
+    kinds = old.kind[pieces[:, 0]]
+    n_lines = float(registration.n_lines.mean())
+    road_km = len(both) / max(n_lines, 1.0) / 1000.0
+    is_moved = np.zeros(len(pieces), dtype=bool)
+    rows_of = np.split(np.arange(len(pieces)), np.flatnonzero(np.diff(pieces[:, 0])) + 1)
+    for axis in (0, 1):
+        scale = {
+            kind: scale_of([size[rows, axis] for rows in rows_of if kinds[rows[0]] == kind])
+            for kind in sorted(set(kinds.tolist()))
+        }
+        related = related_of([size[rows, axis] / scale[str(kinds[rows[0]])] for rows in rows_of])
+        chances = {kind: Chance(value, related) for kind, value in scale.items()}
+        least = least_deviations(len(pieces), related, 0.5 * _FALSE_PER_KM * road_km)
+        for rows in rows_of:
+            for a, b in shifted_runs(size[rows, axis], chances[str(kinds[rows[0]])], least):
+                is_moved[rows[a : b + 1]] = True
+    order = np.argsort(index, kind="stable")
+    return _Pieces(pieces[:, 0], np.split(both[order], np.cumsum(count)[:-1]), is_moved)
 
 
 def _of_line(
-    old: LineSet, new: LineSet, stations: _Stations, i: int, registration: Registration, least: float
+    old: LineSet, new: LineSet, stations: _Stations, i: int, registration: Registration, pieces: _Pieces
 ) -> list[EpochChange]:
     """Return the changes of a line of the old survey."""
     own = stations.line == i
@@ -275,29 +349,15 @@ def _of_line(
     both = np.flatnonzero(own & (stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged)
     if not len(both):
         return changes
-    across, up, s_reg = _differences(stations, both, registration)
-    piece = np.floor(stations.along_m[both] / _PIECE_M).astype(np.int64)
-    numbers, inverse = np.unique(piece, return_inverse=True)
-    mean = np.stack([np.bincount(inverse, weights=v) / np.bincount(inverse) for v in (across, up)], axis=1)
-    variance = stations.sigma_m[both] ** 2 + s_reg**2
-    sigma = np.sqrt(
-        np.stack([np.bincount(inverse, weights=v) / np.bincount(inverse) for v in variance.T], axis=1)
-    )
-    beyond = np.abs(mean) > _TWO_SIDED * sigma
-    is_moved = np.zeros(len(numbers), dtype=bool)
-    for axis in (0, 1):
-        for sign in (1, -1):
-            for a, b in runs_of(beyond[:, axis] & (np.sign(mean[:, axis]) == sign)):
-                if np.abs(mean[a : b + 1, axis] / sigma[a : b + 1, axis]).max() > least:
-                    is_moved[a : b + 1] = True
     mask = np.zeros(len(stations.line), dtype=bool)
-    mask[both[is_moved[inverse]]] = True
+    for k in np.flatnonzero((pieces.line == i) & pieces.is_moved).tolist():
+        mask[pieces.stations[k]] = True
     changes += _stretches(old, stations, i, mask, "moved", registration)
     return changes + _changed(old, new, stations, i, both)
 
 
 def _changed(old: LineSet, new: LineSet, stations: _Stations, i: int, both: IntArray) -> list[EpochChange]:
-    """Return where the pattern or the form of a line is another one."""
+    """Return where the pattern, the form or the height of a line is another one."""
     found = []
     for name in ("pattern", "form"):
         before, after = str(getattr(old, name)[i]), getattr(new, name)[stations.partner[both]]
@@ -306,6 +366,16 @@ def _changed(old: LineSet, new: LineSet, stations: _Stations, i: int, both: IntA
             mask = np.zeros(len(stations.line), dtype=bool)
             mask[both[other & (after == value)]] = True
             found += _stretches(old, stations, i, mask, "changed", what=f"{name} {before} to {value}")
+    before_m, after_m = float(old.height_m[i]), new.height_m[stations.partner[both]]
+    # A height is that of an upper edge above a lower one: each has the deviation of a height
+    beyond = np.abs(after_m - before_m) > _HEIGHT_DEVIATIONS * math.sqrt(2.0) * stations.sigma_m[both, 1]
+    for value_m in sorted(set(after_m[beyond].tolist())):
+        rows = both[beyond & (after_m == value_m)]
+        mask = np.zeros(len(stations.line), dtype=bool)
+        # A line has one height, also where it is bridged
+        mask[rows[0] : rows[-1] + 1] = True
+        what = f"height {before_m:.2f} to {value_m:.2f} m"
+        found += _stretches(old, stations, i, mask, "changed", what=what)
     return found
 
 
@@ -327,5 +397,5 @@ def _stretches(
             sigma = np.sqrt(np.mean(stations.sigma_m[rows] ** 2 + s_reg**2, axis=0))
             numbers = (float(across.mean()), float(up.mean()), float(sigma[0]), float(sigma[1]))
         piece = line_stretch(lines.take([i]), start, end)
-        found.append(EpochChange(status, piece, end - start, *numbers, what))
+        found.append(EpochChange(status, piece, start, end, *numbers, what))
     return found

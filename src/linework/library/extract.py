@@ -32,8 +32,8 @@ from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.processes.identity import identity_of
 from linework.published.methods import Obb2023, Radon2002, Stereo1992, published_method
+from linework.runs.drives.adjusted import find_lines_of_drives
 from linework.runs.extract import with_log
-from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
 from linework.runs.opened.store import executor_for, usable_cores
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
@@ -66,6 +66,7 @@ def extract(
     workers: int | None = None,
     work: str | Path | None = None,
     resume: bool = False,
+    adjust: bool = True,
     progress: Progress = None,
     on_problem: OnProblem = "raise",
 ) -> LineSet:
@@ -101,6 +102,9 @@ def extract(
         them; None: they are kept among the temporary files, for this call only.
     resume
         Go on with a call with the same arguments that was killed; needs `work`.
+    adjust
+        Make several drives over one road agree at their lines before lines are extracted from all of them. False: leave
+        them as they were recorded.
     progress
         True: show progress on stderr. A function is called with (stage, done, total).
     on_problem
@@ -161,6 +165,7 @@ def extract(
                 "settings": asdict(chosen),
                 "own": own_code_of(asked, ground),
                 "recorded": recordings.identity,
+                **({} if adjust else {"adjust": False}),
             },
             recordings.hashes,
         )
@@ -170,8 +175,15 @@ def extract(
         executor = held.enter_context(
             executor_for(_n_points(recordings), n_workers, chosen, has_images=has_pairs)
         )
-        found = find_lines(
-            recordings, asked, run, settings=chosen, ground=ground, executor=executor, steps=steps
+        found = find_lines_of_drives(
+            recordings,
+            asked,
+            run,
+            settings=chosen,
+            ground=ground,
+            executor=executor,
+            steps=steps,
+            adjust=adjust,
         )
         found = with_log(found, recordings)
         warnings = (*found.warnings, *_without_intensity(recordings, asked))

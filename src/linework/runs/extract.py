@@ -19,8 +19,8 @@ from linework.model.survey import Survey
 from linework.processes.executors import Executor
 from linework.processes.identity import identity_of
 from linework.published.methods import published_method
+from linework.runs.drives.adjusted import find_lines_of_drives
 from linework.runs.extraction import Extraction, Failure
-from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
 from linework.runs.outputs import publish_extraction, refuse_to_lose, with_kept_reviews
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
@@ -52,6 +52,8 @@ class ExtractionRequest:
         Discard the review decisions of the lines that are replaced.
     lanes, location
         Also write the lanes, as for `linework.files.vectors.read_write.write_lines`.
+    adjust
+        Make several drives over one road agree first.
     """
 
     output: Path
@@ -64,6 +66,7 @@ class ExtractionRequest:
     forget_reviews: bool = False
     lanes: bool = False
     location: str = ""
+    adjust: bool = True
 
 
 def extract_to(
@@ -92,9 +95,9 @@ def extract_to(
     if not order.forget_reviews:
         refuse_to_lose(order.output)
     with run_folder(work, order.output, described, resume=order.resume) as run:
-        found = find_lines(
+        found = find_lines_of_drives(
             recordings, order.methods, run, settings=order.settings, ground=order.ground,
-            executor=executor, steps=steps,
+            executor=executor, steps=steps, adjust=order.adjust,
         )  # fmt: skip
         found, reviews = with_log(found, recordings), None
         if not order.forget_reviews:
@@ -148,6 +151,7 @@ def extraction_request(
     resume: bool = False,
     lanes: bool = False,
     location: str = "",
+    adjust: bool = True,
 ) -> ExtractionRequest:
     """Return the order to look for `kinds` by a method ("auto": what suits each kind).
 
@@ -165,6 +169,8 @@ def extraction_request(
         Own ground, or a function that returns it; None: it is found.
     lanes, location
         Also write the lanes.
+    adjust
+        Make several drives over one road agree first.
 
     Raises
     ------
@@ -205,9 +211,11 @@ def extraction_request(
             **({"methods": [identity_of(chosen) for chosen in given]} if given is not None else {}),
             **({"own": own} if own else {}),
             **({"lanes": lanes, "location": location} if lanes else {}),
+            **({} if adjust else {"adjust": False}),
         },
         overwrite=overwrite,
         resume=resume,
+        adjust=adjust,
         lanes=lanes,
         location=location,
     )

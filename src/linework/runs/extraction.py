@@ -16,6 +16,7 @@ from linework.files.store.in_memory import FileFacts
 from linework.lines.names import cell_id, cells_of_lines
 from linework.model.lines import KINDS, LineSet
 from linework.model.logs import VanLog
+from linework.runs.drives.account import DrivesAccount
 from linework.runs.tiles import Tile
 from linework.surface.aside import RoadAside
 
@@ -86,6 +87,8 @@ class Extraction:
         Images and operator's keys by place, or None.
     aside
         How much is road, and how much smooth ground beside it is not; None where neither was of interest.
+    drives
+        How several drives were made to agree; None: they were not, or there is one.
     """
 
     source: str
@@ -99,6 +102,7 @@ class Extraction:
     pairs: PairAccount | None = None
     logged: VanLog | None = None
     aside: RoadAside | None = None
+    drives: DrivesAccount | None = None
 
 
 # Names and order of lines: from kind and place alone, so that another run gives the same

@@ -71,6 +71,10 @@ def extract_command(
     workers: Workers = None,
     work: WorkFolder = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
+    no_adjust: Annotated[
+        bool,
+        typer.Option("--no-adjust", help="Leave several drives over one road as they were recorded."),
+    ] = False,
     report: Annotated[
         Path | None,
         typer.Option("--report", metavar="FILE", help="Also write a report with figures and tables: .html."),
@@ -88,7 +92,8 @@ def extract_command(
     run.json beside the output records the inputs, settings, counts and timings. Existing output is not touched
     without --overwrite. Finding nothing is not an error: the layers are then written empty. --resume continues
     an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
-    is replaced, unless --forget-reviews is given.
+    is replaced, unless --forget-reviews is given. Several drives over one road are made to agree at their lines first,
+    unless --no-adjust is given.
     """
     from linework.files.output.locks import reserve_output
     from linework.library.progress import open_display
@@ -146,7 +151,7 @@ def extract_command(
 
         request = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
-            overwrite=overwrite, resume=resume, lanes=lanes, location=location,
+            overwrite=overwrite, resume=resume, adjust=not no_adjust, lanes=lanes, location=location,
         )  # fmt: skip
         request = replace(request, forget_reviews=forget_reviews)
         record, found = extract_to(request, recordings, folder, executor, steps)
@@ -186,6 +191,8 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
         say(f"{'lane':14} {counts['lanes']:6,} lanes {counts['lane_length_m']:12,.1f} m")
     for kind, n_lines in counts["lines"].items():
         say(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
+    if "drives" in record:
+        say(record["drives"]["summary"])
 
 
 def _report_missing(record: dict[str, Any], output: Path) -> None:

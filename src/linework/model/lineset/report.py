@@ -60,6 +60,8 @@ class Report:
         What could not be used, and why.
     warnings
         One line each.
+    adjusted
+        How several drives were made to agree, in one line; "" if there was nothing to adjust.
     timings_s
         Duration of each stage [s], in order.
     versions
@@ -85,6 +87,7 @@ class Report:
     inputs: tuple[InputReport, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     warnings: tuple[str, ...] = ()
+    adjusted: str = ""
     timings_s: Mapping[str, float] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
 
@@ -117,6 +120,8 @@ class Report:
             )
         names = [f"{one.what} {one.name} ({one.problem})" for one in self.left_out]
         texts.append(f"  left out: {_listed(names) or 'nothing'}")
+        if self.adjusted:
+            texts.append(f"  {self.adjusted}")
         texts.append(f"  warnings: {_listed(self.warnings) or 'none'}")
         if self.timings_s:
             longest = sorted(self.timings_s.items(), key=lambda item: -item[1])

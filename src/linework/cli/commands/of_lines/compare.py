@@ -20,6 +20,12 @@ def compare_command(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Output file: .gpkg, .csv or .xlsx.")
     ],
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report", metavar="FILE", help="Also write a page with a map, figures and a table: .html."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     crs: Crs = None,
 ) -> None:
@@ -28,6 +34,7 @@ def compare_command(
     The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
     see a line of OLD, that is reported as not visible.
     """
+    import contextlib
     import math
     from collections import Counter
 
@@ -43,29 +50,26 @@ def compare_command(
         raise UsageError(
             f"cannot write changes as '{suffix}'", where=output, advice="use .gpkg, .csv or .xlsx"
         )
-    if suffix == ".xlsx":
-        check_extra("reports", where=output)
-    with reserve_output(output, overwrite=overwrite, inputs=[old, new]):
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
+    if suffix == ".xlsx" or report is not None:
+        check_extra("reports", where=report or output)
+    with contextlib.ExitStack() as held:
+        for path in (output, report) if report else (output,):
+            held.enter_context(reserve_output(path, overwrite=overwrite, inputs=[old, new]))
         before, after = (read_usable_lines(path, crs=crs) for path in (old, new))
         for left_out in filter(None, (before[1], after[1])):
             warn(left_out)
         changes, registration = compare_epochs(before[0], after[0])
         names = (
-            "status",
-            "kind",
-            "line",
-            "length_m",
-            "across_m",
-            "up_m",
-            "sigma_across_m",
-            "sigma_up_m",
-            "what",
-        )
+            "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",
+        )  # fmt: skip
         rows = [
             [
                 change.status, str(change.line.kind[0]), str(change.line.id[0]), change.length_m,
                 *(None if math.isnan(v) else v for v in
                   (change.across_m, change.up_m, change.sigma_across_m, change.sigma_up_m)), change.what,
+                change.from_m, change.to_m,
             ]
             for change in changes
         ]  # fmt: skip
@@ -73,6 +77,21 @@ def compare_command(
         write_rows(
             names, rows, pieces, before[0].crs, output, layer="change", by="status", overwrite=overwrite
         )
+        if report is not None:
+            from linework.crs import describe_crs
+            from linework.evaluation.changes_page import changes_page
+            from linework.files.output.publish import write_page
+
+            facts = {"old": str(old), "new": str(new), "CRS": describe_crs(before[0].crs)}
+            page = changes_page(
+                changes,
+                registration,
+                before[0],
+                after[0],
+                facts,
+                title=f"Changes from {old.name} to {new.name}",
+            )
+            write_page(page, report, overwrite=overwrite)
     counts = Counter((change.status, str(change.line.kind[0])) for change in changes)
     for (status, kind), n in sorted(counts.items()):
         length_m = sum(c.length_m for c in changes if (c.status, str(c.line.kind[0])) == (status, kind))
@@ -80,6 +99,6 @@ def compare_command(
     if len(registration.cells):
         across, up = registration.sigma_m.mean(axis=0)
         say(
-            f"registered in {len(registration.cells):,} cells of 100 m, sigma {across:.3f} m across, {up:.3f} m up"
+            f"registered in {len(registration.cells):,} cells of 25 m, sigma {across:.3f} m across, {up:.3f} m up"
         )
     say(f"{len(changes):,} changes in {output}")

@@ -1,0 +1,1 @@
+"""Several drives over one road: separated, tied together by their own lines, and corrected."""

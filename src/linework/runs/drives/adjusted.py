@@ -1,0 +1,277 @@
+"""Extraction of a survey of several drives: their lines tie them together, then all points are moved and looked at."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.errors import InputError, PartialError
+from linework.files.output.journal import JournalEntry, open_journal
+from linework.files.output.parts import read_part, write_part
+from linework.files.output.replace import replacing_folder
+from linework.files.store.facts import facts_of_store
+from linework.files.store.read import PointStore
+from linework.methods.choose import choose_methods
+from linework.methods.protocol import Method
+from linework.model.ground import Ground
+from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.model.trajectory import Trajectory
+from linework.processes.executors import Executor, Serial
+from linework.runs.drives.account import DriveAccount, DrivesAccount
+from linework.runs.drives.adjustment import DriveTies, PathCorrection, adjusted_path
+from linework.runs.drives.separate import DriveSpan, separate_drives, share_road
+from linework.runs.drives.stores import write_changed_store
+from linework.runs.drives.ties import FIRST_REACH_M, LAST_REACH_M, TIE_KINDS, tie_drives
+from linework.runs.extraction import Extraction
+from linework.runs.find import find_lines
+from linework.runs.opened.points import OpenedSurvey, hash_path
+from linework.runs.opened.recordings import Recordings
+from linework.runs.own import GroundFinder
+from linework.runs.resume import RunFolder, fingerprint_of
+from linework.runs.settings import RunSettings
+from linework.runs.steps import RunSteps
+
+#: Rounds of finding ties and adjusting: each brings lines nearer, so that fewer are mistaken for others.
+_N_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustedDrives:
+    """Drives of a survey with the correction that makes them agree.
+
+    Parameters
+    ----------
+    drives
+        In the order of their times.
+    correction
+        Of the path and of all points.
+    account
+        How each was corrected.
+    """
+
+    drives: tuple[DriveSpan, ...]
+    correction: PathCorrection
+    account: DrivesAccount
+
+
+def find_lines_of_drives(
+    recordings: Recordings,
+    methods: Sequence[Method],
+    run: RunFolder,
+    *,
+    settings: RunSettings | None = None,
+    ground: Ground | GroundFinder | None = None,
+    executor: Executor | None = None,
+    steps: RunSteps | None = None,
+    adjust: bool = True,
+) -> Extraction:
+    """Return the lines of a survey, as `find_lines` does, after its drives were made to agree.
+
+    Parameters
+    ----------
+    adjust
+        False: all drives stay as they were recorded.
+
+    Returns
+    -------
+    Extraction
+        That of `find_lines` where there is nothing to adjust: one drive, no two drives over one road, no times or
+        trajectory, no common lines. Otherwise the sigmas of lines have what the drives there still have in common, and
+        `drives` says what was corrected.
+
+    Notes
+    -----
+    The lines of each drive are found on its own points. They tie the drives: across at lines, in height, and along the
+    road at dashes. The points are moved by the correction when they are written into a tile store of this run, from which
+    everything else follows as for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
+    """
+    chosen, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
+
+    def found_in(
+        them: Recordings, by: Sequence[Method], where: RunFolder, own: Ground | GroundFinder | None
+    ) -> Extraction:
+        return find_lines(them, by, where, settings=chosen, ground=own, executor=executor, steps=steps)
+
+    opened = recordings.points
+    path = None if opened is None else opened.trajectory
+    if not adjust or opened is None or path is None or not opened.points.has_time:
+        return found_in(recordings, methods, run, ground)
+    drives = separate_drives(path)
+    if not share_road(drives):
+        return found_in(recordings, methods, run, ground)
+    named = choose_methods(
+        "auto", TIE_KINDS, radon=chosen.radon, obb=chosen.obb, stereo=chosen.stereo, paint=None
+    )
+    tying = [method for method in named if method.recording == "points"]
+    lines = [
+        _lines_of_drive(recordings, drive, tying, run, i, found_in, steps) for i, drive in enumerate(drives)
+    ]
+    with steps.step("adjust drives"):
+        adjusted = adjusted_drives(drives, path, lines)
+    if adjusted is None:
+        return found_in(recordings, methods, run, ground)
+    moved = _moved(recordings, adjusted, run, steps)
+    found = found_in(moved, methods, run, ground)
+    return replace(found, lines=with_common_sigma(found.lines, adjusted), drives=adjusted.account)
+
+
+def adjusted_drives(
+    drives: tuple[DriveSpan, ...], path: Trajectory, lines: Sequence[LineSet]
+) -> AdjustedDrives | None:
+    """Return the correction that makes drives agree at their lines; None where they have no line in common.
+
+    Parameters
+    ----------
+    path
+        Of all drives.
+    lines
+        Of each drive, found on its points alone.
+    """
+    correction, ties = None, DriveTies.empty()
+    for reach_m in np.geomspace(FIRST_REACH_M, LAST_REACH_M, _N_ROUNDS).tolist():
+        ties = tie_drives(drives, lines, correction, reach_m=reach_m)
+        if not len(ties):
+            return None
+        correction = adjusted_path(drives, path, ties)
+    assert correction is not None
+    left = ties.apart_m + np.sum(
+        ties.normal * (correction.at(ties.other_s) - correction.at(ties.time_s)), axis=1
+    )
+    level = np.abs(ties.normal[:, 2]) < 0.5
+    accounts = []
+    for drive in drives:
+        moved = correction.xyz_m[drive.holds(correction.knot_s)]
+        time, normal = (
+            np.concatenate(
+                [v[drive.holds(at)] for at, v in zip((ties.time_s, ties.other_s), both, strict=True)]
+            )
+            for both in ((ties.time_s, ties.other_s), (ties.normal, ties.normal))
+        )
+        along = np.sqrt(np.einsum("ij,ijk,ik->i", normal, correction.covariance_at(time), normal))
+        is_level = np.abs(normal[:, 2]) < 0.5
+        accounts.append(
+            DriveAccount(
+                float(drive.time_s[0]), float(drive.time_s[-1]),
+                len(time), (_rms(np.hypot(moved[:, 0], moved[:, 1])), _rms(moved[:, 2])),
+                (_rms(along[is_level]), _rms(along[~is_level])),
+            )
+        )  # fmt: skip
+    apart = [(_median_size(d[level]), _median_size(d[~level])) for d in (ties.apart_m, left)]
+    return AdjustedDrives(drives, correction, DrivesAccount(tuple(accounts), *apart))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _median_size(values: FloatArray) -> float:
+    return float(np.median(np.abs(values))) if len(values) else 0.0
+
+
+def with_common_sigma(lines: LineSet, adjusted: AdjustedDrives) -> LineSet:
+    """Return lines with sigmas that hold the error which the drives over a place have in common."""
+    if not len(lines):
+        return lines
+    ahead = np.concatenate([np.gradient(line.xyz[:, :2], axis=0) for line in lines])
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    total, n = np.zeros((len(lines.xyz), 2)), np.zeros(len(lines.xyz))
+    for drive in adjusted.drives:
+        time = drive.passing_s(lines.xyz[:, :2])
+        here = np.flatnonzero(np.isfinite(time))
+        covariance = adjusted.correction.covariance_at(time[here])
+        across = np.einsum("ij,ijk,ik->i", left[here], covariance[:, :2, :2], left[here])
+        total[here] += np.column_stack([across, covariance[:, 2, 2]])
+        n[here] += 1.0
+    common = np.sqrt(total / np.maximum(n, 1.0)[:, None])
+    return lines.with_columns(
+        sigma_xy_m=np.hypot(lines.sigma_xy_m, common[:, 0]), sigma_z_m=np.hypot(lines.sigma_z_m, common[:, 1])
+    )
+
+
+def _lines_of_drive(
+    recordings: Recordings, drive: DriveSpan, methods: Sequence[Method], run: RunFolder, number: int, found_in: Any,
+    steps: RunSteps,
+) -> LineSet:  # fmt: skip
+    """Return the lines of one drive; none where nothing can be looked at."""
+    name = f"drive-{number}"
+    folder, kept, entry = run.path / name, run.path / f"{name}.arrays", run.journal.done().get(name)
+    done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
+    if done is not None:
+        return done
+    opened = recordings.points
+    assert opened is not None
+
+    def change(points: Points) -> Points:
+        assert points.time_s is not None
+        return points.take(drive.holds(points.time_s))
+
+    own = _changed(
+        opened, folder / "store", change, f"drive {number} of {drive.start_s} to {drive.end_s}", steps
+    )
+    lines = LineSet.empty(recordings.survey.crs)
+    if own is not None:
+        (folder / "tiles").mkdir(parents=True, exist_ok=True)
+        journal = open_journal(folder / "journal.sqlite")
+        try:
+            where = RunFolder(folder, folder / "tiles", journal, run.is_resumed)
+            lines = found_in(replace(recordings, points=own, stereo=None), methods, where, None).lines
+        except (InputError, PartialError):
+            # What cannot be looked at is reported when all points are
+            pass
+        finally:
+            journal.close()
+    run.journal.enter(JournalEntry(name, write_part(lines, kept), {}))
+    shutil.rmtree(folder, ignore_errors=True)
+    return lines
+
+
+def _changed(
+    opened: OpenedSurvey, folder: Path, change: Callable[[Points], Points], what: str, steps: RunSteps
+) -> OpenedSurvey | None:
+    """Return a survey with points that a function makes of its own, in a store of their own; None without any."""
+    if not folder.is_dir():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with replacing_folder(folder) as part, steps.step("separate drives", unit="points") as advance:
+            write_changed_store(opened.points, part, change, advance)
+    points = PointStore.open(folder)
+    if not points.n_points:
+        return None
+    return replace(
+        opened,
+        points=points,
+        facts=facts_of_store(points),
+        key=fingerprint_of({"of": opened.key, "what": what}),
+    )
+
+
+def _moved(recordings: Recordings, adjusted: AdjustedDrives, run: RunFolder, steps: RunSteps) -> Recordings:
+    """Return the recordings with their points, path and poses corrected."""
+    correction, opened = adjusted.correction, recordings.points
+    assert opened is not None and opened.trajectory is not None
+
+    def change(points: Points) -> Points:
+        assert points.time_s is not None
+        return Points(points.xyz + correction.at(points.time_s), intensity=points.intensity, time_s=points.time_s,
+                      crs=points.crs, columns=points.columns)  # fmt: skip
+
+    what = hashlib.sha256(correction.knot_s.tobytes() + correction.xyz_m.tobytes()).hexdigest()
+    path = correction.moved(opened.trajectory)
+    points = _changed(opened, run.path / "adjusted", change, what, steps)
+    assert points is not None
+    points = replace(points, trajectory=path, path_hash=hash_path(path), facts=replace(
+        opened.facts, bounds=points.facts.bounds))  # fmt: skip
+    stereo = recordings.stereo
+    if stereo is not None:
+        poses = stereo.poses
+        stereo = replace(stereo, trajectory=correction.moved(stereo.trajectory),
+                         poses=replace(poses, xyz=poses.xyz + correction.at(poses.time_s)))  # fmt: skip
+    return replace(recordings, points=points, stereo=stereo)

@@ -1,0 +1,163 @@
+"""Which drives a trajectory consists of: a drive passes a road once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
+from linework.lines.along import runs_of
+from linework.model.trajectory import Trajectory
+
+#: A trajectory without poses for longer has paused: logs have 1 to 200 poses a second. [s]
+_PAUSE_S = 10.0
+#: Interval of the poses that are looked at; a van at rest that wobbles by a centimetre goes nowhere then. [s]
+_STEP_S = 0.5
+#: Distance of positions along the path. [m]
+_PLACE_M = 1.0
+#: A path that comes this near to itself, along itself, for at least such a length is on a road where it has been. [m]
+_SAME_ROAD_M, _LEAST_SHARED_M = 12.0, 30.0
+#: Length driven before a path can return. [m]
+_LEFT_M = 60.0
+#: Cosine of the greatest angle between two passes over one road, in either direction.
+_PARALLEL = 0.9
+#: A drive passes what is this near to its path: profile scanners reach 20 to 50 m, with lines of 10 to 20 m. [m]
+PASSED_M = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSpan:
+    """One drive: a part of a trajectory, from one time to another.
+
+    Parameters
+    ----------
+    start_s, end_s
+        Half open: the drives of a trajectory together hold all times. [s]
+    time_s
+        (n,) times of some of its poses. [s]
+    xy
+        (n, 2) their positions. [m, world]
+    """
+
+    start_s: float
+    end_s: float
+    time_s: FloatArray
+    xy: FloatArray
+    tree: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tree", cKDTree(self.xy - self.xy[0]))
+
+    def holds(self, time_s: FloatArray) -> BoolArray:
+        """Return which times (n,) are of this drive."""
+        return np.asarray((time_s >= self.start_s) & (time_s < self.end_s))
+
+    def passing_s(self, xy: FloatArray) -> FloatArray:
+        """Return when it passes places (n, 2) [m, world], (n,) [s]; NaN for those farther than `PASSED_M`."""
+        away, k = self.tree.query(xy - self.xy[0])
+        return np.where(away <= PASSED_M, self.time_s[k], np.nan)
+
+
+def separate_drives(path: Trajectory) -> tuple[DriveSpan, ...]:
+    """Return the drives of a trajectory: it is cut where it pauses, and where it returns to a road.
+
+    Examples
+    --------
+    >>> there = np.arange(0.0, 200.0, 5.0)
+    >>> xyz = np.column_stack([np.concatenate([there, there]), np.repeat([0.0, 3.0], 40), np.zeros(80)])
+    >>> time = np.concatenate([np.arange(40.0), 100.0 + np.arange(40.0)])
+    >>> [(drive.start_s, drive.end_s) for drive in separate_drives(Trajectory(time, xyz))]
+    [(-inf, 69.5), (69.5, inf)]
+    """
+    picked = _picked(path.time_s)
+    time, xy = path.time_s[picked], path.xyz[picked, :2]
+    if len(time) < 2:
+        return ()
+    breaks = np.flatnonzero(np.diff(time) > _PAUSE_S)
+    cuts = [float(0.5 * (time[i] + time[i + 1])) for i in breaks.tolist()]
+    for first, last in pairwise([0, *(breaks + 1).tolist(), len(time)]):
+        cuts += _returns(time[first:last], xy[first:last])
+    edges = [-np.inf, *sorted(cuts), np.inf]
+    spans = []
+    for start, end in pairwise(edges):
+        own = (time >= start) & (time < end)
+        if own.any():
+            spans.append(DriveSpan(start, end, time[own], xy[own]))
+    return tuple(spans)
+
+
+def share_road(drives: tuple[DriveSpan, ...]) -> bool:
+    """Return whether two of the drives are on one road for `_LEAST_SHARED_M`, one direction or the other."""
+    if len(drives) < 2:
+        return False
+    places, owners = [], []
+    for i, drive in enumerate(drives):
+        place = _spaced(drive.time_s, drive.xy)[1]
+        places.append(place)
+        owners.append(np.full(len(place), i))
+    place, owner = np.concatenate(places), np.concatenate(owners)
+    ahead = np.concatenate([_ahead(p) for p in places])
+    beside = _beside(place, ahead, lambda i, near: owner[near] != owner[i])
+    return any(
+        last - first >= _LEAST_SHARED_M / _PLACE_M
+        for i in range(len(drives))
+        for first, last in runs_of(beside[owner == i])
+    )
+
+
+def _picked(time_s: FloatArray) -> IntArray:
+    """Return poses about `_STEP_S` apart, by their times alone."""
+    _, first = np.unique(np.floor(time_s / _STEP_S), return_index=True)
+    return np.asarray(np.union1d(first, [0, len(time_s) - 1] if len(time_s) else []), dtype=np.int64)
+
+
+def _spaced(time_s: FloatArray, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times and positions every `_PLACE_M` along a path."""
+    along = distance_along(xy)
+    at = np.arange(0.0, along[-1] + 1e-9, _PLACE_M)
+    # A van at rest stays at one distance: the first pose there counts
+    moving = np.concatenate([[True], np.diff(along) > 0.0])
+    along, time_s, xy = along[moving], time_s[moving], xy[moving]
+    place = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+    return np.interp(at, along, time_s), place
+
+
+def _ahead(place: FloatArray) -> FloatArray:
+    """Return unit directions (n, 2) over 3 m to both sides."""
+    n = np.arange(len(place))
+    step = place[np.minimum(n + 3, len(place) - 1)] - place[np.maximum(n - 3, 0)]
+    return np.asarray(step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9))
+
+
+def _beside(place: FloatArray, ahead: FloatArray, is_other: Any) -> BoolArray:
+    """Return which positions have another one in reach that runs along them; `is_other(i, near)` chooses among those."""
+    beside = np.zeros(len(place), dtype=np.bool_)
+    tree = cKDTree(place - place[0])
+    for i in range(len(place)):
+        near = np.asarray(tree.query_ball_point(place[i] - place[0], _SAME_ROAD_M), dtype=np.int64)
+        near = near[is_other(i, near)]
+        beside[i] = bool(np.any(np.abs(ahead[near] @ ahead[i]) >= _PARALLEL))
+    return beside
+
+
+def _returns(time_s: FloatArray, xy: FloatArray) -> list[float]:
+    """Return the times at which a path without pauses comes back to a road of its present drive."""
+    if len(time_s) < 2 or distance_along(xy)[-1] < _LEFT_M:
+        return []
+    time, place = _spaced(time_s, xy)
+    ahead, tree = _ahead(place), cKDTree(place - place[0])
+    n_left, n_shared = int(_LEFT_M / _PLACE_M), int(_LEAST_SHARED_M / _PLACE_M)
+    cuts, first, n_beside = list[float](), 0, 0
+    for i in range(len(place)):
+        near: AnyArray = np.asarray(tree.query_ball_point(place[i] - place[0], _SAME_ROAD_M), dtype=np.int64)
+        near = near[(near >= first) & (near < i - n_left)]
+        n_beside = n_beside + 1 if np.any(np.abs(ahead[near] @ ahead[i]) >= _PARALLEL) else 0
+        if n_beside == n_shared:
+            first = i - n_shared + 1
+            cuts.append(float(time[first]))
+            n_beside = 0
+    return cuts

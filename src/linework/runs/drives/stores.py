@@ -1,0 +1,66 @@
+"""Tile stores made of another: the points of one drive, and all points moved by a correction.
+
+Separate from `adjusted`, which says what is made when: this reads and writes points, a block at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from linework.files.las.tally import TimeCounts
+from linework.files.store.layout import POINTS_SUFFIX, STORE_BLOCK_M
+from linework.files.store.read import PointStore
+from linework.files.store.write import StoreWriter, write_index
+from linework.model.grid import Bounds
+from linework.model.points import Points
+from linework.runs.steps import Advance
+
+
+def write_changed_store(
+    store: PointStore, folder: Path, change: Callable[[Points], Points], advance: Advance
+) -> None:
+    """Write a tile store of the points that a function makes of those of each block.
+
+    Parameters
+    ----------
+    store
+        With times.
+    folder
+        An existing, empty folder; the caller removes it if this fails.
+    change
+        Takes and returns points with the same columns.
+
+    Raises
+    ------
+    MachineError
+        Not enough space, or the disk failed.
+
+    Notes
+    -----
+    Blocks are read in their fixed order, and their points in canonical order: the same points give the same bytes. What the
+    facts say of the files stays; times are counted again.
+    """
+    writer, times = StoreWriter(folder / f"0{POINTS_SUFFIX}"), TimeCounts()
+    done, names = 0, store.columns
+    try:
+        blocks, counts = store.block_counts
+        for (east, north), n in zip((blocks * STORE_BLOCK_M).tolist(), counts.tolist(), strict=True):
+            points = change(store.points(Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)))
+            done += n
+            advance(done, store.n_points)
+            if not len(points) or points.time_s is None:
+                continue
+            intensity = np.zeros(len(points)) if points.intensity is None else points.intensity
+            columns = (
+                np.stack([points.columns[name] for name in names]) if names else np.empty((0, 0), np.float32)
+            )
+            writer.append(points.xyz, np.rint(intensity).astype(np.uint16), points.time_s, columns)
+            times.add(points.time_s)
+        runs = writer.close()
+    except BaseException:
+        writer.abort()
+        raise
+    write_index(folder, runs, {**store.facts, "times": times.to_document()})

@@ -1,0 +1,206 @@
+"""Ties between drives: what two drives measured of one line, across it, in height, and along it at dashes.
+
+Separate from `adjustment`, which makes a path of them: this looks at lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import AnyArray, FloatArray, distance_along
+from linework.lines.crosscuts import axis_along, cross_cuts
+from linework.model.lines import LineSet
+from linework.runs.drives.adjustment import DriveTies, PathCorrection
+from linework.runs.drives.separate import DriveSpan
+
+#: Kinds of line that tie drives: those that any drive measures at the same place. A fence or a hedge has no such place.
+TIE_KINDS = ("lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier")
+#: Kinds of which drives on either side measure different faces, and what that may make. [m]
+_FACED, _FACE_M = ("guardrail", "barrier"), 0.02
+#: Length over which the differences of two lines are one tie: errors of lines are related over some metres. [m]
+_PIECE_M = 5.0
+#: Reach of the first ties, less than half of the width of a lane, and of the last ones, less than the width of a stripe:
+#: the lines of a double one are farther apart. [m]
+FIRST_REACH_M, LAST_REACH_M = 1.0, 0.08
+#: Least deviation of a line's position: its parts that two drives measure differ by the grain of the road. [m]
+_LEAST_M = 0.005
+#: A line that turns more than 15 degrees from another is not the same.
+_PARALLEL = 0.966
+#: Greatest difference of two dashes along the road, and least deviation of it, the distance of scan lines. [m]
+_DASH_REACH_M, _LEAST_DASH_M = 1.0, 0.02
+
+
+def tie_drives(
+    drives: Sequence[DriveSpan],
+    lines: Sequence[LineSet],
+    correction: PathCorrection | None,
+    *,
+    reach_m: float,
+) -> DriveTies:
+    """Return the ties between the lines of drives.
+
+    Parameters
+    ----------
+    lines
+        Of each drive, as it measured them.
+    correction
+        Found so far: by it lines are brought together before the nearest is chosen.
+    reach_m
+        Greatest difference that is left. [m]
+
+    Notes
+    -----
+    Of m drives over one place, m (m - 1) / 2 pairs are tied, of which m - 1 are independent: their deviations are enlarged
+    so that together they weigh as much.
+    """
+    found = [DriveTies.empty()]
+    for a, b in permutations(range(len(drives)), 2):
+        one, other = drives[a], drives[b]
+        if a < b:
+            found.append(_of_dashes(one, other, lines[a], lines[b], correction, reach_m))
+        # Of either drive's lines: each has half of the weight
+        found.append(_of_lines(one, other, lines[a], lines[b], correction, reach_m))
+    ties = DriveTies.concatenate(found)
+    if len(drives) == 2 or not len(ties):
+        return ties
+    place = np.stack([np.interp(ties.time_s, *_joined(drives, k)) for k in (0, 1)], axis=1)
+    n_here = sum(np.isfinite(drive.passing_s(place)).astype(np.int64) for drive in drives)
+    return DriveTies(ties.time_s, ties.other_s, ties.normal, ties.apart_m,
+                     ties.sigma_m * np.sqrt(np.maximum(n_here, 2) / 2.0))  # fmt: skip
+
+
+def _joined(drives: Sequence[DriveSpan], axis: int) -> tuple[FloatArray, FloatArray]:
+    return np.concatenate([d.time_s for d in drives]), np.concatenate([d.xy[:, axis] for d in drives])
+
+
+def _moved(correction: PathCorrection | None, time_s: FloatArray, normal: FloatArray) -> FloatArray:
+    """Return the correction along normals (n, 3) at times (n,), (n,) [m]."""
+    if correction is None:
+        return np.zeros(len(time_s))
+    return np.asarray(np.sum(correction.at(time_s) * normal, axis=1))
+
+
+def _of_lines(
+    one: DriveSpan,
+    other: DriveSpan,
+    lines: LineSet,
+    others: LineSet,
+    correction: PathCorrection | None,
+    reach_m: float,
+) -> DriveTies:
+    """Return the ties across and in height of the lines of a drive, every `_PIECE_M`."""
+    parts = [DriveTies.empty()]
+    for i in range(len(lines)):
+        kind = str(lines.kind[i])
+        if kind not in TIE_KINDS or kind == "lane_marking_dash" or lines.length_m[i] < _PIECE_M:
+            continue
+        axis = axis_along("", lines[i].xyz)
+        time, other_s = one.passing_s(axis.xyz[:, :2]), other.passing_s(axis.xyz[:, :2])
+        cuts = cross_cuts(others, axis, reach_m=FIRST_REACH_M + reach_m)
+        same = (others.kind[cuts.line] == kind) & (np.abs(cuts.cosine) >= _PARALLEL) & ~cuts.bridged
+        same &= np.isfinite(time[cuts.station]) & np.isfinite(other_s[cuts.station])
+        own = cross_cuts(lines.take([i]), axis, reach_m=0.05)
+        hidden = np.ones(len(axis.station_m), dtype=bool)
+        hidden[own.station[~own.bridged]] = False
+        same &= ~hidden[cuts.station]
+        cuts = cuts.take(np.flatnonzero(same))
+        if not len(cuts):
+            continue
+        k = cuts.station
+        normal = np.column_stack([axis.left[k], np.zeros(len(k))])
+        up = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
+        left = cuts.offset_m + _moved(correction, other_s[k], normal) - _moved(correction, time[k], normal)
+        rise = cuts.up_m - axis.xyz[k, 2]
+        high = rise + _moved(correction, other_s[k], up) - _moved(correction, time[k], up)
+        # The nearest of each station, and only where it is near
+        order = np.lexsort((np.abs(left), k))
+        nearest = order[np.concatenate([[True], np.diff(k[order]) > 0])]
+        nearest = nearest[(np.abs(left[nearest]) <= reach_m) & (np.abs(high[nearest]) <= reach_m)]
+        sigma = np.stack(
+            [np.interp(axis.station_m[k], axis.station_m, s) for s in _sigmas(lines, i, axis.station_m)],
+            axis=1,
+        )
+        both = np.hypot(sigma, np.column_stack([cuts.sigma_xy_m, cuts.sigma_z_m]))
+        both = np.sqrt(2.0) * np.maximum(np.nan_to_num(both, nan=0.0), np.sqrt(2.0) * _LEAST_M)
+        if kind in _FACED:
+            both[:, 0] = np.hypot(both[:, 0], _FACE_M)
+        where = axis.station_m[k], time[k], other_s[k]
+        parts.append(_pieces(*where, normal, cuts.offset_m, both[:, 0], cuts.line, nearest))
+        parts.append(_pieces(*where, up, rise, both[:, 1], cuts.line, nearest))
+    return DriveTies.concatenate(parts)
+
+
+def _sigmas(lines: LineSet, i: int, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the deviations of a line across and in height at distances along it."""
+    along = distance_along(lines[i].xyz)
+    first, last = int(lines.offsets[i]), int(lines.offsets[i + 1])
+    return np.interp(at_m, along, lines.sigma_xy_m[first:last]), np.interp(
+        at_m, along, lines.sigma_z_m[first:last]
+    )
+
+
+def _pieces(
+    at_m: FloatArray, time_s: FloatArray, other_s: FloatArray, normal: FloatArray, apart_m: FloatArray, sigma_m: FloatArray,
+    line: AnyArray, rows: AnyArray,
+) -> DriveTies:  # fmt: skip
+    """Return the means of rows over pieces of a line."""
+    number = np.stack([line[rows], np.floor(at_m[rows] / _PIECE_M).astype(np.int64)], axis=1)
+    _, index, count = np.unique(number, axis=0, return_inverse=True, return_counts=True)
+    index = index.ravel()
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(index, weights=values[rows]) / count)
+
+    along = np.stack([mean(c) for c in normal.T], axis=1)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    # Pieces at the ends of lines are shorter, and weigh less
+    sigma = mean(sigma_m) * np.sqrt(_PIECE_M / np.minimum(count, _PIECE_M))
+    return DriveTies(mean(time_s), mean(other_s), along, mean(apart_m), sigma)
+
+
+def _of_dashes(
+    one: DriveSpan,
+    other: DriveSpan,
+    lines: LineSet,
+    others: LineSet,
+    correction: PathCorrection | None,
+    reach_m: float,
+) -> DriveTies:
+    """Return the ties along the road: middles of dashes, whose ends are late and early by the same."""
+    a, b = (_dashes(s.take(s.kind == "lane_marking_dash")) for s in (lines, others))
+    if not len(a[0]) or not len(b[0]):
+        return DriveTies.empty()
+    origin = a[0][0]
+    reach = min(_DASH_REACH_M, 2.0 * reach_m)
+    away, k = cKDTree(b[0] - origin).query(a[0] - origin, distance_upper_bound=_DASH_REACH_M + reach)
+    met = np.flatnonzero(np.isfinite(away))
+    k = k[met]
+    normal = np.column_stack([a[1][met], np.zeros(len(met))])
+    step = b[0][k] - a[0][met]
+    along = np.sum(step * a[1][met], axis=1)
+    across = np.abs(a[1][met, 0] * step[:, 1] - a[1][met, 1] * step[:, 0])
+    time, other_s = one.passing_s(a[0][met]), other.passing_s(b[0][k])
+    there = np.isfinite(time) & np.isfinite(other_s)
+    time, other_s = np.nan_to_num(time), np.nan_to_num(other_s)
+    left = along + _moved(correction, other_s, normal) - _moved(correction, time, normal)
+    fits = there & (np.abs(left) <= reach) & (across <= max(reach_m, 0.3))
+    fits &= np.abs(np.sum(a[1][met] * b[1][k], axis=1)) >= _PARALLEL
+    longer = b[2][k] - a[2][met]
+    # Four ends make the difference of the lengths, and half of each makes that of the middles
+    fits &= np.abs(longer) <= _DASH_REACH_M
+    if not fits.any():
+        return DriveTies.empty()
+    sigma = max(0.5 * 1.4826 * float(np.median(np.abs(longer[fits]))), _LEAST_DASH_M)
+    return DriveTies(time[fits], other_s[fits], normal[fits], along[fits], np.full(int(fits.sum()), sigma))
+
+
+def _dashes(lines: LineSet) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return middles (n, 2), unit directions (n, 2) and lengths (n,) of dashes."""
+    ends = np.array([[line.xyz[0, :2], line.xyz[-1, :2]] for line in lines]).reshape(-1, 2, 2)
+    step = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(step, axis=1)
+    return ends.mean(axis=1), step / np.maximum(length, 1e-9)[:, None], length

@@ -1,0 +1,283 @@
+"""Several drives over one road: which they are, the correction that makes them agree, and extraction from all of them."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.scenes.two_drives import two_drives
+from typer.testing import CliRunner
+
+import linework
+from linework.cli.app import app
+from linework.evaluation.measures import match_lines, score
+from linework.files.las.write import write_las
+from linework.files.trajectories.read import write_trajectory
+from linework.model.lines import LineSet
+from linework.model.trajectory import Trajectory
+from linework.runs.drives.adjusted import adjusted_drives
+from linework.runs.drives.adjustment import DriveTies, adjusted_path
+from linework.runs.drives.separate import separate_drives, share_road
+from linework.runs.drives.ties import tie_drives
+
+KINDS = ("lane_marking", "lane_marking_dash", "road_boundary")
+#: So small that the survey has several tiles, and is given to worker processes.
+SMALL_TILES = {"tiling": {"core_m": 64.0, "shift_east_m": 20.0, "shift_north_m": 20.0, "max_points": 60_000}}
+
+
+def path_of(*legs, start_s=0.0, speed=10.0):
+    """Return a trajectory along legs ((x, y), ...), one pose a second; a number instead of a leg is a pause [s]."""
+    time, xyz, now = [], [], start_s
+    for leg in legs:
+        if isinstance(leg, float):
+            now += leg
+            continue
+        leg = np.asarray(leg, dtype=float)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(leg, axis=0), axis=1))])
+        at = np.arange(0.0, along[-1] + 1e-9, speed)
+        xyz.append(np.column_stack([*(np.interp(at, along, c) for c in leg.T), np.zeros(len(at))]))
+        time.append(now + at / speed)
+        now = time[-1][-1] + 1.0
+    return Trajectory(np.concatenate(time), np.concatenate(xyz))
+
+
+# Which drives there are
+
+
+def test_a_drive_ends_where_the_trajectory_pauses():
+    there = ((0.0, 0.0), (300.0, 0.0))
+    drives = separate_drives(path_of(there, 60.0, ((0.0, 3.0), (300.0, 3.0))))
+    assert len(drives) == 2
+    assert share_road(drives)
+    assert drives[0].end_s == drives[1].start_s
+    # A short rest is no pause
+    assert len(separate_drives(path_of(there, 5.0, ((310.0, 0.0), (600.0, 0.0))))) == 1
+
+
+def test_a_drive_ends_where_the_path_returns_to_its_road():
+    there, back = ((0.0, 0.0), (300.0, 0.0)), ((300.0, 20.0), (0.0, 6.0))
+    first, second = separate_drives(path_of((*there, *back)))
+    assert share_road((first, second))
+    assert 30.0 < first.end_s < 60.0
+    assert first.end_s == second.start_s
+
+
+def test_roads_that_cross_or_lie_apart_are_not_shared():
+    crossing = path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((150.0, -100.0), (150.0, 100.0)))
+    assert not share_road(separate_drives(crossing))
+    loop = path_of(((0.0, 0.0), (200.0, 0.0), (200.0, 100.0), (100.0, 100.0), (100.0, -100.0)))
+    assert len(separate_drives(loop)) == 1
+    apart = path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((0.0, 40.0), (300.0, 40.0)))
+    assert not share_road(separate_drives(apart))
+    assert not share_road(separate_drives(path_of(((0.0, 0.0), (300.0, 0.0)))))
+
+
+# The correction
+
+
+def slow(time_s, number):
+    return 0.06 * np.sin(2.0 * np.pi * time_s / 20.0 + 2.0 * number)
+
+
+def drawn_ties(path, rng, *, n=400, n_wrong=40, sigma_m=0.01):
+    """Return ties of two drives over one road, of which some are between different lines."""
+    one, other = separate_drives(path)
+    share = rng.uniform(0.0, 1.0, n)
+    at = [d.time_s[0] + s * (d.time_s[-1] - d.time_s[0]) for d, s in ((one, share), (other, 1.0 - share))]
+    normal = np.zeros((n, 3))
+    normal[np.arange(n), rng.integers(0, 3, n)] = 1.0
+    apart = slow(at[1], 1) - slow(at[0], 0) + sigma_m * rng.normal(size=n)
+    apart[:n_wrong] += rng.choice([-0.3, 0.3], n_wrong)
+    return (one, other), DriveTies(at[0], at[1], normal, apart, np.full(n, sigma_m))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_correction_makes_drives_agree_and_takes_more_from_the_worse_one(seed):
+    path = path_of(((0.0, 0.0), (400.0, 0.0)), 60.0, ((400.0, 3.0), (0.0, 3.0)))
+    drives, ties = drawn_ties(path, np.random.default_rng(seed))
+    sigma = np.where(drives[0].holds(path.time_s)[:, None], 0.01, 0.06) * np.ones((1, 3))
+    path = Trajectory(path.time_s, path.xyz, None, sigma)
+    correction = adjusted_path(drives, path, ties)
+    good = slice(40, None)
+    left = ties.apart_m + np.sum(
+        ties.normal * (correction.at(ties.other_s) - correction.at(ties.time_s)), axis=1
+    )
+    assert np.sqrt(np.mean(ties.apart_m[good] ** 2)) > 0.03
+    assert np.sqrt(np.mean(left[good] ** 2)) < 0.013
+    size = [np.sqrt(np.mean(correction.at(d.time_s) ** 2)) for d in drives]
+    assert size[1] > 3.0 * size[0]
+    assert (
+        np.abs(
+            np.median(np.diagonal(correction.covariance_m2, axis1=1, axis2=2), axis=0) ** 0.5 - 0.012
+        ).max()
+        < 0.008
+    )
+
+
+def test_errors_of_the_corrected_path_are_as_large_as_its_sigma():
+    path = path_of(((0.0, 0.0), (400.0, 0.0)), 60.0, ((400.0, 3.0), (0.0, 3.0)))
+    path = Trajectory(path.time_s, path.xyz, None, np.full((len(path), 3), 0.06 / np.sqrt(2.0)))
+    drives, ties = drawn_ties(path, np.random.default_rng(3))
+    correction = adjusted_path(drives, path, ties)
+    ratios = []
+    for number, drive in enumerate(drives):
+        own = drive.holds(correction.knot_s)
+        error = slow(correction.knot_s[own], number)[:, None] + correction.xyz_m[own]
+        ratios.append(error / np.sqrt(np.diagonal(correction.covariance_m2[own], axis1=1, axis2=2)))
+    assert 0.7 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.5
+
+
+def test_without_stated_sigmas_the_differences_say_how_good_the_drives_are():
+    path = path_of(((0.0, 0.0), (400.0, 0.0)), 60.0, ((400.0, 3.0), (0.0, 3.0)))
+    drives, ties = drawn_ties(path, np.random.default_rng(4), n_wrong=0)
+    correction = adjusted_path(drives, path, ties)
+    size = [np.sqrt(np.mean(correction.at(d.time_s) ** 2)) for d in drives]
+    assert 0.5 < size[0] / size[1] < 2.0
+    sigma = np.sqrt(np.diagonal(correction.covariance_m2, axis1=1, axis2=2))
+    assert 0.015 < np.median(sigma) < 0.06
+
+
+# Ties
+
+
+def straight(offset_m, up_m=0.0, kind="lane_marking"):
+    x = np.arange(0.0, 301.0)
+    xyz = np.column_stack([x, np.full(len(x), offset_m), np.full(len(x), up_m)])
+    return LineSet.from_lines(
+        [xyz], kind=[kind], sigma_xy_m=np.full(len(x), 0.01), sigma_z_m=np.full(len(x), 0.01)
+    )
+
+
+def dashes(shift_m):
+    lines = [
+        np.array([[s + shift_m, 2.0, 0.0], [s + shift_m + 3.0, 2.0, 0.0]]) for s in np.arange(5.0, 290.0, 9.0)
+    ]
+    return LineSet.from_lines(lines, kind=["lane_marking_dash"] * len(lines))
+
+
+def test_ties_are_across_in_height_and_along_at_dashes():
+    path = path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((300.0, 3.0), (0.0, 3.0)))
+    drives = separate_drives(path)
+    one = LineSet.concatenate([straight(5.0), straight(-4.0, kind="road_boundary"), dashes(0.0)])
+    other = LineSet.concatenate([straight(5.1, 0.04), straight(-3.9, 0.04, "road_boundary"), dashes(0.2)])
+    adjusted = adjusted_drives(drives, path, [one, other])
+    shift = [adjusted.correction.at(np.array([d.time_s.mean()]))[0] for d in drives]
+    # The middle of both: east at dashes, north across, up
+    np.testing.assert_allclose(shift[0], [0.1, 0.05, 0.02], atol=0.01)
+    np.testing.assert_allclose(shift[1], [-0.1, -0.05, -0.02], atol=0.01)
+    np.testing.assert_allclose(adjusted.account.apart_m[1], 0.04, atol=1e-6)
+    assert max(adjusted.account.left_apart_m) < 0.003
+    assert "2 drives adjusted" in adjusted.account.summary
+
+
+def test_drives_without_a_line_in_common_stay():
+    path = path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((300.0, 3.0), (0.0, 3.0)))
+    drives = separate_drives(path)
+    assert adjusted_drives(drives, path, [straight(5.0), straight(15.0)]) is None
+    assert adjusted_drives(drives, path, [straight(5.0), straight(5.0, kind="kerb_top")]) is None
+    assert adjusted_drives(drives, path, [LineSet.empty(), LineSet.empty()]) is None
+
+
+def test_three_drives_weigh_as_much_as_they_are():
+    legs = [((0.0, 0.0), (300.0, 0.0)), 60.0, ((0.0, 1.0), (300.0, 1.0)), 60.0, ((0.0, 2.0), (300.0, 2.0))]
+    two, three = (separate_drives(path_of(*legs[:n])) for n in (3, 5))
+    lines = [straight(5.0), straight(5.02), straight(5.04)]
+    of_two = tie_drives(two, lines[:2], None, reach_m=0.5)
+    of_three = tie_drives(three, lines, None, reach_m=0.5)
+    # 3 pairs of which 2 are independent
+    weight = [np.sum(1.0 / ties.sigma_m**2) for ties in (of_two, of_three)]
+    np.testing.assert_allclose(weight[1] / weight[0], 2.0, rtol=0.02)
+
+
+# Extraction
+
+
+@pytest.fixture(scope="module")
+def survey():
+    return two_drives()
+
+
+@pytest.fixture(scope="module")
+def adjusted(survey):
+    scene, _ = survey
+    return linework.extract(scene.points, kinds=KINDS, trajectory=scene.path, on_problem="warn")
+
+
+def rms_across(lines, truth):
+    parts = match_lines(lines, truth, kinds=("lane_marking", "road_boundary"))
+    return score(parts, "all", 0.15).at.lateral.rmse_m
+
+
+def test_adjusted_lines_are_nearer_to_the_truth_than_those_of_either_drive(survey, adjusted):
+    scene, middle = survey
+    as_they_are = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path, adjust=False)
+    assert adjusted != as_they_are
+    assert adjusted.report.adjusted.startswith("2 drives adjusted") and as_they_are.report.adjusted == ""
+    error = rms_across(adjusted, scene.truth)
+    for first, last in ((-np.inf, middle), (middle, np.inf)):
+        points, path = scene.part(first, last)
+        assert error < rms_across(linework.extract(points, kinds=KINDS, trajectory=path), scene.truth)
+    # What the drives still have in common is in the sigmas
+    assert np.median(adjusted.sigma_xy_m) > 2.0 * np.median(as_they_are.sigma_xy_m)
+
+
+def test_adjusted_lines_depend_neither_on_workers_nor_tiles_nor_order(survey, adjusted):
+    scene, _ = survey
+    order = np.random.default_rng(1).permutation(len(scene.points))
+    again = linework.extract(
+        scene.points.take(order), kinds=KINDS, trajectory=scene.path, workers=2, settings=SMALL_TILES
+    )
+    assert again == adjusted
+
+
+def test_a_killed_run_goes_on_with_the_drives_that_are_done(survey, adjusted, tmp_path):
+    scene, _ = survey
+    stages = []
+
+    def killing(stage, done, total):
+        stages.append(stage)
+        if stage == "adjust drives" or (stage == "separate drives" and stages.count("find lines") > 2):
+            raise KeyboardInterrupt
+
+    given = {"kinds": KINDS, "trajectory": scene.path, "work": tmp_path / "work"}
+    with pytest.raises(KeyboardInterrupt):
+        linework.extract(scene.points, progress=killing, **given)
+    before, stages = list(stages), []
+
+    def watching(stage, done, total):
+        stages.append(stage)
+
+    resumed = linework.extract(scene.points, progress=watching, resume=True, **given)
+    assert resumed == adjusted
+    assert stages.count("find the road") < before.count("find the road") + stages.count("find the road")
+    # Nothing of the run stays: not the points of a drive, nor the moved ones
+    assert not [path for path in (tmp_path / "work" / "runs").rglob("*") if path.is_file()]
+
+
+def test_one_drive_is_extracted_as_without_adjustment(survey):
+    scene, middle = survey
+    points, path = scene.part(-np.inf, middle)
+    found = [
+        linework.extract(points, kinds=KINDS, trajectory=path, adjust=adjust) for adjust in (True, False)
+    ]
+    assert found[0] == found[1]
+
+
+def test_the_command_says_what_was_corrected(survey, tmp_path):
+    scene, _ = survey
+    write_las(scene.points, tmp_path / "survey" / "points" / "both.laz", crs=scene.points.crs)
+    write_trajectory(scene.path, tmp_path / "survey" / "trajectory.csv")
+    (tmp_path / "survey" / "survey.toml").write_text(
+        '[points]\nfiles = ["points/*.laz"]\n[trajectory]\nfile = "trajectory.csv"\n'
+    )
+    out = tmp_path / "lines.gpkg"
+    given = [str(tmp_path / "survey"), "-o", str(out), "--features", ",".join(KINDS), "--quiet"]
+    result = CliRunner().invoke(app, ["extract", *given])
+    assert result.exit_code == 0, result.output
+    assert "2 drives adjusted at their lines: " in result.output
+    drives = json.loads((tmp_path / "run.json").read_text())["drives"]
+    assert len(drives["adjusted"]) == 2
+    assert drives["left_apart_m"][0] < 0.01 < drives["apart_m"][0]
+    result = CliRunner().invoke(app, ["extract", *given, "--no-adjust", "--overwrite"])
+    assert result.exit_code == 0, result.output
+    assert "adjusted" not in result.output
+    assert "drives" not in json.loads((tmp_path / "run.json").read_text())
