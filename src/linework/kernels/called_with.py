@@ -154,7 +154,7 @@ paint.paint_points.count_bright = paint
 paint.paint_points.sort_into_cells = paint
     f8:2C! f4:1C! f8:1C! f8:1C i4:1C i8
 paint.rhythm.best_rhythm = paint pairs
-    b1:1C f8 (f8,f8) (f8,f8,f8) (f8,f8)
+    b1:1C f8 (f8,f8) (f8,f8,f8) (f8,f8) f8
 paint.stripes_all.all_stripes = paint
     f8:2C i8:1C (f8,i8,i8,i8,i8) i8:1C f8:2C f8
 radon.corridor.find_beam_starts = rails

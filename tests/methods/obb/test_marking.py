@@ -83,6 +83,27 @@ def test_wide_paint_is_no_line(rng: np.random.Generator) -> None:
     assert np.abs(2.0 * boxes.half_v_m[inner] - 0.60).max() < 0.05
 
 
+def test_a_strip_that_fades_into_the_road_is_no_paint(rng: np.random.Generator) -> None:
+    xyz, intensity = road_points(rng, [])
+    off = np.abs(xyz[:, 1] - 6.0)
+    # Between wheel tracks: as wide as a bar, its edges fade over 0.3 m
+    boxes = boxes_in(xyz, intensity * (1.0 + 0.4 * np.clip((0.35 - off) / 0.3 + 0.5, 0.0, 1.0)))
+    assert len(boxes) >= 10
+    assert np.mean(boxes.score) < 0.2
+    crisp = boxes_in(xyz, intensity * np.where(off < 0.35, 1.4, 1.0))
+    assert len(crisp) >= 10
+    assert np.mean(crisp.score) > 0.8
+
+
+def test_the_stone_between_two_materials_is_no_paint(rng: np.random.Generator) -> None:
+    stone = Stripe((0.0, 6.0), (12.0, 6.0), 0.15, 2.0)
+    xyz, intensity = road_points(rng, [stone])
+    beyond = (xyz[:, 1] > 6.0) & ~stone.holds(xyz[:, :2])
+    assert len(sure(boxes_in(xyz, intensity))) >= 18
+    intensity[beyond] *= 1.6
+    assert len(sure(boxes_in(xyz, intensity))) <= 2
+
+
 def test_bright_ground_on_one_side_is_no_paint(rng: np.random.Generator) -> None:
     xyz, intensity = road_points(rng, [])
     intensity[xyz[:, 1] > 6.0] *= 3.0

@@ -1,5 +1,7 @@
 """Tracks into lines: smoothing and its sigma, patterns and dashes, what is cut, bridged, or no line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.scenes.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
@@ -18,7 +20,12 @@ from linework.methods.tracking.arrangement import (
     roles,
 )
 from linework.methods.tracking.neighbours import LineAxis
-from linework.methods.tracking.pattern import find_rhythm, merged_intervals
+from linework.methods.tracking.pattern import (
+    PaintRhythm,
+    find_rhythm,
+    merged_intervals,
+    restore_worn_dashes,
+)
 from linework.methods.tracking.smooth import smooth_line
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
@@ -104,6 +111,43 @@ def test_a_dashed_line_is_one_line_with_its_dashes():
     np.testing.assert_allclose(dashes.length_m, 3.0, atol=0.5)
     starts = sorted(dashes[k].xyz[:, 0].min() for k in range(7))
     np.testing.assert_allclose(starts, 9.0 * np.arange(7), atol=0.46)
+
+
+def test_a_line_changes_its_pattern_before_a_junction():
+    before = [straight(3.0, x=9.0 * k) for k in range(6)]
+    behind = [straight(3.0, x=80.0 + 9.0 * k) for k in range(6)]
+    markings, other = lines_of(boxes_on(*before, straight(22.0, x=54.0), *behind))
+    assert not other
+    lines = marking_lines.marking_line_set(markings, "lane_marking")
+    order = np.argsort([lines[k].xyz[:, 0].min() for k in range(len(lines))])
+    assert lines.pattern[order].tolist() == ["dashed", "solid", "dashed"]
+    # One smooth line, cut: no gap where the pattern changes
+    assert lines.length_m.sum() == pytest.approx(128.0, abs=1.0)
+    assert len(marking_lines.dash_lines(markings, [""] * 3)) == 12
+
+
+def test_worn_dashes_are_restored_from_those_around_them():
+    rng = np.random.default_rng(7)
+    start = 18.0 * np.arange(12.0)
+    cut = rng.uniform(0.5, 3.0, (12, 2)) * (rng.random((12, 2)) < 0.5)
+    worn = np.column_stack([start + cut[:, 0], start + 6.0 - cut[:, 1]])
+    whole = restore_worn_dashes(worn, PaintRhythm(18.1, 6.2, 0.6))
+    assert np.abs(worn - np.column_stack([start, start + 6.0])).max() > 2.0
+    np.testing.assert_allclose(whole, np.column_stack([start, start + 6.0]), atol=0.6)
+
+
+def test_a_long_worn_line_in_many_pieces_is_a_marking_not_a_row_of_symbols():
+    at = (0.0, 8.3, 17.0, 30.0, 38.4, 52.7, 60.1, 75.0)
+    markings, _ = lines_of(boxes_on(*[straight(2.2, x=x) for x in at]))
+    assert len(markings) == 1
+
+
+def test_the_head_of_a_rail_is_too_narrow_for_paint():
+    boxes = boxes_on(straight(60.0))
+    assert len(lines_of(boxes)[0]) == 1
+    assert not lines_of(replace(boxes, half_v_m=np.full(len(boxes), 0.028)))[0]
+    # Nor are boxes paint that are more likely something else
+    assert not lines_of(replace(boxes, score=np.full(len(boxes), 0.3)))[0]
 
 
 def test_a_solid_line_ends_where_there_is_road_and_no_paint():

@@ -20,7 +20,7 @@ PHASE_DRIFT = 0.1
 @njit(cache=True, nogil=True)
 def best_rhythm(
     is_paint: BoolArray, step_m: float, periods_m: tuple[float, float], least: tuple[float, float, float],
-    paint: tuple[float, float],
+    paint: tuple[float, float], most_dash_m: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Return period [m], length of the gap [m] and contrast of the rhythm with the highest contrast; zeros if none.
 
@@ -34,6 +34,8 @@ def best_rhythm(
         Shortest dash, shortest gap [m], smallest share of the gap in the period.
     paint
         Largest share of paint in the gaps, smallest contrast.
+    most_dash_m
+        Longest dash. [m]
 
     Notes
     -----
@@ -71,7 +73,7 @@ def best_rhythm(
                 run = 0
         longest = min(longest, n_bins)
         gap = longest * period / n_bins
-        if gap >= max(least_gap, least_gap_share * period) and period - gap >= least_dash:
+        if gap >= max(least_gap, least_gap_share * period) and least_dash <= period - gap <= most_dash_m:
             inside = outside = n_inside = n_outside = 0.0
             for k in range(n_bins):
                 b = (last + 1 + k) % n_bins

@@ -21,6 +21,7 @@ from linework.kernels.paint.stripe_fit import (
     bright_beside,
     edge_variance,
     extent,
+    fade_gain,
     fit_stripe,
     strip_of,
 )
@@ -38,14 +39,15 @@ from linework.kernels.paint.stripe_search import (
 #: Columns of a stripe: centre, unit vector along it, half extents [m]; standard deviations across, of the height [m]
 #: and of the direction [rad]; t-value of the paint against the road; height of a step under it and its sigma [m];
 #: intensity of road and paint; points used; first and last time [s], both -1 if no point lay on it; whole length,
-#: spacing of the points, and place along the search area's direction [m].
+#: spacing of the points, and place along the search area's direction [m]; gain of edges that fade over crisp ones; difference of the road
+#: on both sides over the contrast of the paint.
 (
     STRIPE_X, STRIPE_Y, STRIPE_Z, STRIPE_UX, STRIPE_UY, STRIPE_HALF_U, STRIPE_HALF_V,
     STRIPE_SIGMA_V, STRIPE_SIGMA_Z, STRIPE_SIGMA_U, STRIPE_T, STRIPE_STEP, STRIPE_SIGMA_STEP,
     STRIPE_DARK, STRIPE_BRIGHT, STRIPE_POINTS, STRIPE_FIRST, STRIPE_LAST, STRIPE_LENGTH,
-    STRIPE_SPACING, STRIPE_ALONG,
-) = range(21)  # fmt: skip
-STRIPE_COLUMNS = 21
+    STRIPE_SPACING, STRIPE_ALONG, STRIPE_FADES, STRIPE_SIDES,
+) = range(23)  # fmt: skip
+STRIPE_COLUMNS = 23
 #: A stripe found within this of a cell may pass through it once it is measured; and the shortest piece in a cell. [m]
 NEAR_CELL_M, LEAST_PIECE_M = 0.05, 0.04
 #: Fewest of 8 parts along a stripe with points on its paint, to trust it, and to measure it at all.
@@ -127,7 +129,7 @@ def stripes_in_area(
     least_t
         Smallest t-value of a band, see `stripes_across`.
     out
-        (4, 21) output, a row for each stripe; places are from the middle of the search area.
+        (4, 23) output, a row for each stripe; places are from the middle of the search area.
 
     Returns
     -------
@@ -167,6 +169,12 @@ def stripes_in_area(
             row[STRIPE_DARK] = dark + (bright - dark) * max(fit[FIT_ROAD_LEFT], fit[FIT_ROAD_RIGHT])
             row[STRIPE_BRIGHT] = dark + (bright - dark) * fit[FIT_PAINT]
             row[STRIPE_POINTS] = used
+            blur = fine_blur(near, (begin, end), high - low, radius, fit)
+            row[STRIPE_FADES] = fade_gain(near, (begin, end), blur, fit)
+            darker, brighter = fit[FIT_ROAD_LEFT], fit[FIT_ROAD_RIGHT]
+            if darker > brighter:
+                darker, brighter = brighter, darker
+            row[STRIPE_SIDES] = (brighter - darker) / (fit[FIT_PAINT] - darker)
             row[STRIPE_SPACING] = radius * math.sqrt(math.pi * (1.0 + PROFILE_REACH * PROFILE_REACH) / n)
             number += 1
     return number, HOLES if sparse else (STRIPE_FOUND if number else NO_STRIPE)
@@ -216,14 +224,23 @@ def fit_closely(
     begin, end, parts = extent(near, radius, fit)
     if parts < FEWEST_PARTS or end - begin < least:
         return begin, end, 0, parts
-    dense = EDGE_POINTS * across * radius / ((end - begin) * len(near))
-    blur = min(max(dense, LEAST_BLUR_M), fit[FIT_WIDTH] / 3.0)
+    blur = fine_blur(near, (begin, end), across, radius, fit)
     used = fit_stripe(near, (begin, end), blur, FINE_ROUNDS, fit, covariance)
     begin, end, last = extent(near, radius, fit)
     is_brighter = fit[FIT_PAINT] > fit[FIT_ROAD_LEFT] and fit[FIT_PAINT] > fit[FIT_ROAD_RIGHT]
     if last < FEWEST_PARTS or end - begin < least or not is_brighter:
         return begin, end, 0, parts
     return begin, end, used, parts
+
+
+@njit(cache=True, nogil=True)
+def fine_blur(
+    near: FloatArray, stretch: tuple[float, float], across: float, radius: float, fit: FloatArray
+) -> float:
+    """Return the blur of an edge [m] in the fine fit; arguments as for `fit_closely` and `edge_variance`."""
+    begin, end = stretch
+    dense = EDGE_POINTS * across * radius / ((end - begin) * len(near))
+    return float(min(max(dense, LEAST_BLUR_M), fit[FIT_WIDTH] / 3.0))
 
 
 @njit(cache=True, nogil=True)
@@ -245,7 +262,7 @@ def write_place(
     cell
         West, south, east and north edge. [m]
     row
-        (21,) output.
+        (23,) output.
     """
     axis_x, axis_y = axes
     first, last = stretch
@@ -295,7 +312,7 @@ def write_figures(
     fit, covariance
         (6,) unknowns, (6, 6).
     row
-        (21,) input and output.
+        (23,) input and output.
     """
     at = row[STRIPE_ALONG]
     slope_variance = covariance[FIT_SLOPE, FIT_SLOPE]

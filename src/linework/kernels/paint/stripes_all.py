@@ -131,7 +131,7 @@ def stripes_at(
     work
         (k, 5) scratch.
     out
-        (4, 21) output: see `linework.kernels.paint.stripes`.
+        (4, 23) output: see `linework.kernels.paint.stripes`.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def all_stripes(
     places: FloatArray,
     least_t: float,
 ) -> FloatArray:
-    """Return the stripes of all cells in the cells' order, (m, 21): see `linework.kernels.paint.stripes`.
+    """Return the stripes of all cells in the cells' order, (m, 23): see `linework.kernels.paint.stripes`.
 
     Parameters
     ----------

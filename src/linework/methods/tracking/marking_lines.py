@@ -11,12 +11,14 @@ from scipy.special import erf
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight, visible_share
-from linework.methods.tracking.fitted import INDEPENDENT_BOXES
+from linework.methods.tracking.fitted import INDEPENDENT_BOXES, LEAST_PIECE_SCORE
+from linework.methods.tracking.guides import LEAST_GUIDE_M
 from linework.methods.tracking.pattern import (
     PATCH_M,
     PaintRhythm,
+    PatternStretch,
     dashes_of,
-    find_rhythm,
+    find_stretches,
     merged_intervals,
     restore_worn_dashes,
 )
@@ -36,8 +38,13 @@ LONGEST_WORN_M, SHORT_GAP_M = 20.0, 3.0
 LEAST_MARKING_M = 6.0
 #: Smallest share of its length that a solid line has of paint: the most worn ones that are visible have 0.3.
 LEAST_PAINT_SHARE = 0.25
+#: Fewest pieces of a worn line that has less: arrows come in rows of three or four.
+LEAST_ROW = 6
 #: Fewest dashes of a dashed line, and smallest share of the dashes that its rhythm expects.
 LEAST_TRACKED_DASHES, LEAST_DASH_SHARE = 3, 0.5
+#: Narrowest line: paint is 0.10 m wide and more (Vienna convention of 1968, protocol on road markings), the head of a
+#: grooved rail 0.056 m. [m]
+NARROWEST_MARKING_M = 0.075
 #: Shortest bar; shorter paint is a stain. [m]
 LEAST_BAR_M = 1.0
 #: Lines are judged within this (docs/evaluation.md). [m]
@@ -92,10 +99,19 @@ def marking_lines(
     found: list[SmoothMarking] = []
     for i in range(len(tracks)):
         found += _markings(boxes, tracks.line(i)[0], visible)
+    found = [m for m in found if _is_likely(m, boxes)]
     is_line = [_is_dashed(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
     ]
+
+
+def _is_likely(marking: SmoothMarking, boxes: BoxSet) -> bool:
+    """Return whether a line is wide enough for paint, and its boxes are more likely paint than something else."""
+    return (
+        marking.width_m >= NARROWEST_MARKING_M
+        and float(np.mean(boxes.score[marking.boxes])) >= LEAST_PIECE_SCORE
+    )
 
 
 def _is_dashed(marking: SmoothMarking) -> bool:
@@ -106,42 +122,65 @@ def _is_dashed(marking: SmoothMarking) -> bool:
 
 
 def _is_solid(paint: FloatArray) -> bool:
-    """Return whether paint without a rhythm is long and complete enough for a line."""
+    """Return whether paint without a rhythm is long and complete enough for a line, or in too many pieces for symbols."""
     length = float(np.ptp(paint))
-    return (
-        length >= LEAST_MARKING_M and float((paint[:, 1] - paint[:, 0]).sum()) >= LEAST_PAINT_SHARE * length
-    )
+    share = float((paint[:, 1] - paint[:, 0]).sum()) / max(length, LEAST_MARKING_M)
+    is_row = len(paint) >= LEAST_ROW and length >= LEAST_GUIDE_M
+    return length >= LEAST_MARKING_M and (share >= LEAST_PAINT_SHARE or is_row)
 
 
 def bar_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
     """Return the bars among tracked boxes of wide paint: stop lines, crossings."""
     found = [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible)]
-    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M]
+    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M and _is_likely(m, boxes)]
 
 
 def _markings(boxes: BoxSet, box: IntArray, visible: Sight) -> list[SmoothMarking]:
-    """Return the markings of a track: cut where the line has ended, each piece smoothed."""
+    """Return the markings of a track: smoothed, cut where the line has ended and where its pattern changes."""
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
-    paint = merged_intervals(t - reach, t + reach, CLOSE_M)
-    rhythm = find_rhythm(paint)
     gap = (t[1:] - reach[1:]) - (t[:-1] + reach[:-1])
-    longest = _longest_worn(t, gap) if rhythm is None else _longest_missing(paint, rhythm)
+    longest = np.zeros(len(gap))
+    stretches = find_stretches(merged_intervals(t - reach, t + reach, CLOSE_M))
+    for stretch in stretches:
+        inside = (t >= stretch.start_m) & (t <= stretch.end_m)
+        touches = (t[1:] > stretch.start_m) & (t[:-1] < stretch.end_m)
+        longest_m = _longest_gap(t[inside], reach[inside], stretch.rhythm)
+        longest[touches] = np.maximum(longest[touches], longest_m)
     cuts = [
         k + 1
         for k in np.flatnonzero(gap > longest).tolist()
         if visible_share(visible, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
     ]
+    if not cuts and len(box) >= 2:
+        return _by_pattern(boxes, box, stretches)
     pieces = [piece for piece in np.split(box, cuts) if len(piece) >= 2]
-    return [_marking(boxes, piece) for piece in pieces]
+    return [marking for piece in pieces for marking in _by_pattern(boxes, piece, None)]
+
+
+def _longest_gap(t: FloatArray, reach: FloatArray, rhythm: PaintRhythm | None) -> float:
+    """Return the longest gap [m] within a stretch of one pattern; `t`, `reach`: (k,) places and reach of its boxes."""
+    if len(t) == 0:
+        return SHORT_GAP_M
+    if rhythm is None:
+        return _longest_worn(t, (t[1:] - reach[1:]) - (t[:-1] + reach[:-1]))
+    return _longest_missing(merged_intervals(t - reach, t + reach, CLOSE_M), rhythm)
 
 
 def _longest_worn(t: FloatArray, gap: FloatArray) -> float:
-    """Return the longest gap [m] that wear explains in a solid line with this much paint left."""
-    bare = float(gap[(gap > CLOSE_M) & (gap <= LONGEST_WORN_M)].sum())
-    far = float(gap[gap > LONGEST_WORN_M].sum())
-    gone = float(np.clip(bare / max(t[-1] - far, 1.0), *_WORN_SHARE))
-    return min(max(PATCH_M * math.log(GAP_CHANCE) / math.log(gone), SHORT_GAP_M), LONGEST_WORN_M)
+    """Return the longest gap [m] that wear explains in a solid line with this much paint left.
+
+    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear.
+    """
+    longest_m = LONGEST_WORN_M
+    while True:
+        is_worn = gap <= longest_m
+        bare = float(gap[is_worn & (gap > CLOSE_M)].sum())
+        gone = float(np.clip(bare / max(t[-1] - t[0] - float(gap[~is_worn].sum()), 1.0), *_WORN_SHARE))
+        wear_m = min(max(PATCH_M * math.log(GAP_CHANCE) / math.log(gone), SHORT_GAP_M), LONGEST_WORN_M)
+        if wear_m >= longest_m or not (gap[is_worn] > wear_m).any():
+            return wear_m
+        longest_m = wear_m
 
 
 def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
@@ -154,13 +193,31 @@ def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
     return rhythm.period_m * (1.0 + math.log(GAP_CHANCE) / math.log(share))
 
 
-def _marking(boxes: BoxSet, box: IntArray) -> SmoothMarking:
-    """Return the marking through boxes (k,)."""
+def _by_pattern(
+    boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch] | None
+) -> list[SmoothMarking]:
+    """Return the markings through boxes (k,): one smooth line, cut where its pattern changes, if that is known."""
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
     paint = merged_intervals(t - reach, t + reach, CLOSE_M)
-    rhythm = find_rhythm(paint)
     line = smooth_line(boxes, box, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
+    stretches = find_stretches(paint) if stretches is None else stretches
+    if len(stretches) == 1:
+        return [_marking(boxes, box, line, paint, stretches[0].rhythm)]
+    found = []
+    for stretch in stretches:
+        own = box[(t >= stretch.start_m) & (t <= stretch.end_m)]
+        inside = paint[(paint[:, 1] > stretch.start_m) & (paint[:, 0] < stretch.end_m)]
+        if len(own) >= 2 and len(inside):
+            part = _cut(line, stretch.start_m, stretch.end_m)
+            found.append(_marking(boxes, own, part, inside, stretch.rhythm))
+    return found
+
+
+def _marking(
+    boxes: BoxSet, box: IntArray, line: SmoothLine, paint: FloatArray, rhythm: PaintRhythm | None
+) -> SmoothMarking:
+    """Return the marking through boxes (k,) on a smooth line, with its paint (j, 2) [m]."""
     dashes = np.zeros((0, 2)) if rhythm is None else restore_worn_dashes(dashes_of(paint, rhythm), rhythm)
     return SmoothMarking(
         line, box, paint, rhythm, dashes, 2.0 * float(np.median(boxes.half_v_m[box])),

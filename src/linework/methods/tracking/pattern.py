@@ -1,4 +1,4 @@
-"""The pattern of paint along a line: solid or dashed, and the single dashes.
+"""The pattern of paint along a line: where it is solid and where dashed, and the single dashes.
 
 Separate from `marking_lines`, which makes lines in space: this knows only intervals of paint along one axis.
 """
@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.kernels.paint.rhythm import best_rhythm
 
 #: Step at which paint is sampled along the line. [m]
@@ -20,6 +20,13 @@ PAINT_STEP_M = 0.10
 PERIODS_M = (1.8, 26.0)
 #: Shortest dash and gap in use. [m]
 LEAST_DASH_M, LEAST_PAINT_GAP_M = 0.5, 0.8
+#: Paint without a gap over more than this is solid: the longest dashes in use are 6 m long, and wear may close the gap
+#: to a stain beside one. [m]
+LONGEST_DASH_M = 8.0
+#: Gaps shorter than this share of a rhythm's gap are wear, not gaps of the rhythm.
+WEAR_SHARE_OF_GAP = 0.4
+#: Fewest dashes of a dashed part of a line that is solid elsewhere: wear makes three of a solid one.
+LEAST_INTERVALS = 4
 #: Smallest share of the gap in the period (warning lines: 6 m of paint, 3 m of gap).
 LEAST_GAP_SHARE = 0.28
 #: Largest share of paint in the gaps (stains); smallest in the dashes beyond that, with 70 % worn off.
@@ -34,8 +41,8 @@ PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
 WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
 #: Length over which a pattern keeps its period and phase: lines are judged over windows of it. [m]
 PATTERN_WINDOW_M = 60.0
-#: Quantile of the lengths of dashes that whole ones have: wear only shortens.
-WHOLE_QUANTILE = 0.8
+#: Most by which the whole length exceeds the longest one that is left, beside what wear leaves unsharp. [share]
+WHOLE_SHARE = 0.05
 #: Share of the gap up to which paint still belongs to the dash before it.
 SLACK_SHARE = 0.3
 
@@ -47,6 +54,15 @@ class PaintRhythm:
     period_m: float
     dash_m: float
     contrast: float
+
+
+@dataclass(frozen=True, slots=True)
+class PatternStretch:
+    """A stretch of a line from `start_m` to `end_m` [m] with one pattern: a rhythm, or None where it is solid."""
+
+    start_m: float
+    end_m: float
+    rhythm: PaintRhythm | None
 
 
 def merged_intervals(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray:
@@ -64,13 +80,88 @@ def merged_intervals(start_m: FloatArray, end_m: FloatArray, close_m: float) -> 
     return np.column_stack([start[new], reach[last]])
 
 
-def find_rhythm(paint: FloatArray) -> PaintRhythm | None:
+def find_stretches(paint: FloatArray) -> list[PatternStretch]:
+    """Return the stretches of a line with one pattern each, in order: lines change it before junctions and gores.
+
+    Paint without a gap over more than a dash is solid; what lies between is dashed where it has a rhythm of its own. A
+    dashed stretch reaches to where solid paint begins.
+
+    Parameters
+    ----------
+    paint
+        (k, 2) intervals of paint along a line [m], ascending.
+
+    >>> dashes = np.arange(5)[:, None] * 9.0 + np.array([0.0, 3.0])
+    >>> paint = np.concatenate([dashes, [[45.0, 65.0]], dashes + 68.0])
+    >>> [(s.start_m, s.end_m, s.rhythm is not None) for s in find_stretches(paint)]
+    [(0.0, 45.0, True), (45.0, 65.0, False), (65.0, 107.0, True)]
+    """
+    dashed = _dashed_parts(paint, LEAST_PAINT_GAP_M)
+    # Between them the line is solid, from the first to the last paint
+    first, last = float(paint[0, 0]), float(paint[:, 1].max())
+    ends = [first, *(e for s in dashed for e in (s.start_m, s.end_m)), last]
+    solid = [PatternStretch(a, b, None) for a, b in zip(ends[::2], ends[1::2], strict=True) if b > a]
+    return sorted([*dashed, *solid], key=lambda s: s.start_m)
+
+
+def _dashed_parts(paint: FloatArray, close_m: float) -> list[PatternStretch]:
+    """Return the dashed stretches between solid paint, whose gaps of up to `close_m` are wear."""
+    closed = merged_intervals(paint[:, 0], paint[:, 1], close_m)
+    is_solid = closed[:, 1] - closed[:, 0] > LONGEST_DASH_M
+    found: list[PatternStretch] = []
+    for is_long, group in itertools.groupby(range(len(closed)), key=lambda k: bool(is_solid[k])):
+        if is_long:
+            continue
+        run = list(group)
+        start = closed[run[0] - 1, 1] if run[0] > 0 else closed[0, 0]
+        end = closed[run[-1] + 1, 0] if run[-1] + 1 < len(closed) else closed[-1, 1]
+        within = (paint[:, 0] >= closed[run[0], 0]) & (paint[:, 1] <= closed[run[-1], 1])
+        found += _dashed_part(paint, within, (float(start), float(end)))
+    return found
+
+
+def _dashed_part(whole: FloatArray, within: BoolArray, ends_m: tuple[float, float]) -> list[PatternStretch]:
+    """Return the dashed stretches of a part of a line's paint that has none longer than a dash; it reaches to `ends_m`.
+
+    whole, within: (k, 2) intervals of the line [m], (k,) bool.
+    """
+    paint = whole[within]
+    start_m, end_m = ends_m
+    n = len(paint)
+    # All of it; or beside a worn solid part, which has short pieces as well
+    parts = [(0, n)]
+    for k in range(1, n - LEAST_INTERVALS + 1):
+        parts += [(k, n), (0, n - k)]
+    for number, (a, b) in enumerate(parts):
+        rhythm = find_rhythm(paint[a:b], RHYTHM_CHANCE if number == 0 else RHYTHM_CHANCE / len(parts))
+        if rhythm is None or (b - a < len(whole) and len(dashes_of(paint[a:b], rhythm)) < LEAST_INTERVALS):
+            continue
+        start = start_m if a == 0 else float(paint[a - 1, 1])
+        end = end_m if b == n else float(paint[b, 0])
+        wear_m = WEAR_SHARE_OF_GAP * (rhythm.period_m - rhythm.dash_m)
+        closed = merged_intervals(paint[a:b, 0], paint[a:b, 1], wear_m)
+        if wear_m > LEAST_PAINT_GAP_M and np.max(closed[:, 1] - closed[:, 0]) > LONGEST_DASH_M:
+            return [
+                replace(
+                    s,
+                    start_m=start if s.start_m == paint[a, 0] else s.start_m,
+                    end_m=end if s.end_m == paint[b - 1, 1] else s.end_m,
+                )
+                for s in _dashed_parts(paint[a:b], wear_m)
+            ]
+        return [PatternStretch(start, end, rhythm)]
+    return []
+
+
+def find_rhythm(paint: FloatArray, chance: float = RHYTHM_CHANCE) -> PaintRhythm | None:
     """Return the rhythm of a dashed line, or None if the paint has none: a solid line, however worn.
 
     Parameters
     ----------
     paint
         (k, 2) intervals of paint along a line [m], ascending.
+    chance
+        Greatest chance with which wear may produce the rhythm.
 
     Notes
     -----
@@ -84,16 +175,16 @@ def find_rhythm(paint: FloatArray) -> PaintRhythm | None:
     n = max(int((end - start) / PATTERN_WINDOW_M), 1)
     edges = np.linspace(start, end, n + 1)
     found = [
-        _rhythm_within(paint[(paint[:, 1] > a) & (paint[:, 0] < b)])
+        _rhythm_within(paint[(paint[:, 1] > a) & (paint[:, 0] < b)], chance)
         for a, b in itertools.pairwise(edges.tolist())
     ]
     rhythms = sorted((r for r in found if r is not None), key=lambda r: r.period_m)
     if 2 * len(rhythms) == n:  # a draw: the whole line decides
-        return _rhythm_within(paint)
+        return _rhythm_within(paint, chance)
     return rhythms[len(rhythms) // 2] if 2 * len(rhythms) > n else None
 
 
-def _rhythm_within(paint: FloatArray) -> PaintRhythm | None:
+def _rhythm_within(paint: FloatArray, chance: float) -> PaintRhythm | None:
     """Return the rhythm of the paint within a window."""
     if len(paint) < 2:
         return None
@@ -105,13 +196,13 @@ def _rhythm_within(paint: FloatArray) -> PaintRhythm | None:
     longest = min(PERIODS_M[1], (end - start + LEAST_PAINT_GAP_M) / LEAST_PERIODS)
     period, gap, contrast = best_rhythm(
         is_paint, PAINT_STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_PAINT_GAP_M, LEAST_GAP_SHARE),
-        (GAP_PAINT, DASH_PAINT),
+        (GAP_PAINT, DASH_PAINT), LONGEST_DASH_M,
     )  # fmt: skip
     if period == 0.0:
         return None
     # The chance that wear left no paint in any of the gaps of a solid line
     n_patches = (end - start) / period * gap / PATCH_M
-    if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / RHYTHM_CHANCE):
+    if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / chance):
         return None
     return PaintRhythm(period, period - gap, contrast)
 
@@ -144,30 +235,38 @@ def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:
 def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     """Return dashes (k, 2) [m], with those that wear has shortened extended to their full length.
 
-    Dashes of one line have one length and one period. Where the whole dashes around a worn one predict an interval
-    that contains its remains, that interval is the dash; otherwise it stays as it is.
+    Dashes of one line have one length and one period. Each is folded upon those around it: where at least two of them
+    begin, and two end, at one place of the period, that is the whole dash, if it is no longer than the usual one and
+    contains the remains; otherwise it stays as it is.
 
     >>> dashes = np.array([[0.0, 3.0], [9.0, 12.0], [19.2, 20.1], [27.0, 30.0], [36.0, 39.0]])
     >>> restore_worn_dashes(dashes, PaintRhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
     [18.0, 21.0]
     """
-    length = dashes[:, 1] - dashes[:, 0]
     if len(dashes) < LEAST_WHOLE + 1:
         return dashes
-    nominal = float(np.quantile(length, WHOLE_QUANTILE))
-    whole = np.flatnonzero(np.abs(length - nominal) <= WHOLE_PAINT_M)
-    if len(whole) < LEAST_WHOLE:
-        return dashes
+    length = dashes[:, 1] - dashes[:, 0]
+    usual_m = min(float(length.max()), rhythm.dash_m)
+    longest_m = (1.0 + WHOLE_SHARE) * usual_m + WHOLE_PAINT_M
+    period_m = _exact_period(dashes, rhythm)
     middle = dashes.mean(axis=1)
     out = dashes.copy()
-    for i in np.flatnonzero(length < nominal - WHOLE_PAINT_M).tolist():
-        near = whole[np.argsort(np.abs(middle[whole] - middle[i]), kind="stable")[:N_NEAR]]
-        number = np.rint((middle[near] - middle[i]) / rhythm.period_m)
-        # Phase from the nearest whole dashes, each a whole number of periods away
-        phase = middle[near] - number * rhythm.period_m
-        place = float(np.median(phase))
-        start, end = place - 0.5 * nominal, place + 0.5 * nominal
-        agree = float(np.ptp(phase)) <= 2.0 * WHOLE_PAINT_M
-        if agree and start - WHOLE_PAINT_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_PAINT_M:
-            out[i] = min(start, dashes[i, 0]), max(end, dashes[i, 1])
+    for i in np.flatnonzero(length < usual_m - WHOLE_PAINT_M).tolist():
+        near = np.argsort(np.abs(middle - middle[i]), kind="stable")[: 2 * N_NEAR + 1]
+        number = np.rint((middle[near] - middle[i]) / period_m)
+        folded = dashes[near] - number[:, None] * period_m
+        start, second_start = np.sort(folded[:, 0])[:2].tolist()
+        end, second_end = np.sort(folded[:, 1])[:-3:-1].tolist()
+        agree = second_start - start <= WHOLE_PAINT_M and end - second_end <= WHOLE_PAINT_M
+        if agree and end - start <= longest_m:
+            out[i] = start, end
     return out
+
+
+def _exact_period(dashes: FloatArray, rhythm: PaintRhythm) -> float:
+    """Return the period [m] by the places of the longer half of the dashes: the fold knows it to a tenth or so."""
+    length = dashes[:, 1] - dashes[:, 0]
+    middle = dashes[length >= np.median(length)].mean(axis=1)
+    number = np.rint(np.diff(middle) / rhythm.period_m)
+    apart = np.diff(middle)[number > 0.0] / number[number > 0.0]
+    return float(np.median(apart)) if len(apart) else rhythm.period_m
