@@ -65,7 +65,7 @@ def box_in_cell(
 ) -> int:
     """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    A kerb is tried first, then an edge without one, a barrier. Parameters as for `boxes_in_cells`; box: (17,)
+    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (17,)
     output with the columns of `linework.kernels.cells.places`.
     """
     plane = np.zeros(3)
