@@ -26,6 +26,8 @@ class BoxForm(IntEnum):
     EDGE = 3
     #: The foot of a barrier or a wall that stands on the carriageway's edge.
     BARRIER = 4
+    #: A change of the ground: of its brightness, its roughness or its height, too little for any of the others.
+    CHANGE = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +57,8 @@ class BoxSet(Columns):
         (n,) float64 [m]: position of the kerb's top edge along v from the centre (negative: away from the
         carriageway); NaN where there is none.
     contrast
-        (n,) float64: mean intensity of the paint over that of the surface beside it; NaN for boundaries.
+        (n,) float64: mean intensity of the paint over that of the surface beside it; of a change of the ground by
+        brightness alone, that of its outer side over that of its inner one; NaN for other boundaries.
     n_points
         (n,) int64: number of points that the reference line was measured from.
     time_start_s, time_end_s
@@ -133,6 +136,7 @@ _COLOURS = {
     BoxForm.KERB: "#d62728",
     BoxForm.EDGE: "#ff8c1a",
     BoxForm.BARRIER: "#8c4bbf",
+    BoxForm.CHANGE: "#a68a64",
 }
 
 #: Columns beside `centre` and `u`, in order.

@@ -14,8 +14,10 @@ from linework.methods.tracking.arrangement import (
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
+    facing,
     has_road_behind,
     is_double,
+    outweighed,
     paint_forms,
     roles,
 )
@@ -188,7 +190,7 @@ def axis(y, *, turned=False, length=40.0):
 
 
 def bounds(axes, kerbs, lanes=()):
-    return bounds_carriageway(axes, np.array(kerbs), np.array(kerbs), lanes).tolist()
+    return bounds_carriageway(axes, np.array(kerbs), np.array(kerbs), (), lanes).tolist()
 
 
 def test_what_stands_behind_a_kerb_is_no_boundary():
@@ -215,6 +217,10 @@ def test_an_edge_needs_a_carriageway_and_a_kerb_shows_it():
     assert bounds([axis(0.0)], [False], [axis(-2.0)]) == [False]
     # Without paint or a van's way there is nothing to ask
     assert bounds([axis(0.0)], [False]) == [True]
+    # ... nor where the only paint is on another road
+    assert bounds_carriageway(
+        [axis(0.0)], np.array([False]), np.array([False]), [elsewhere], ()
+    ).tolist() == [True]
 
 
 def test_kerb_stones_are_no_paint():
@@ -225,11 +231,55 @@ def test_kerb_stones_are_no_paint():
 
 def test_bright_strips_behind_a_kerb_are_no_markings():
     kerbs = [axis(0.0), axis(7.0, turned=True)]
-    lanes, is_kerb = [axis(3.0), axis(-5.0), axis(9.0)], np.ones(2, bool)
-    assert behind_boundaries(lanes, kerbs, is_kerb).tolist() == [False, True, True]
+    lanes = [axis(3.0), axis(-5.0), axis(9.0)]
+    assert behind_boundaries(lanes, kerbs, np.full(2, 15.0)).tolist() == [False, True, True]
     # Behind the edge of one carriageway the next may begin
-    assert behind_boundaries(lanes, kerbs, ~is_kerb).tolist() == [False, False, True]
-    assert behind_boundaries(lanes[:1], [], is_kerb[:0]).tolist() == [False]
+    assert behind_boundaries(lanes, kerbs, np.full(2, 3.0)).tolist() == [False, False, True]
+    assert behind_boundaries(lanes[:1], [], np.zeros(0)).tolist() == [False]
+
+
+def refused(axes, evidence, *, shades=None, known=None, lanes=(), path=()):
+    m = len(axes)
+    shades = np.zeros(m, np.int64) if shades is None else np.array(shades)
+    known = np.zeros(m, np.bool_) if known is None else np.array(known)
+    return outweighed(axes, np.array(evidence, dtype=float), shades, known, lanes, path).tolist()
+
+
+def test_of_parallel_changes_the_one_with_most_evidence_ends_the_carriageway():
+    # A short patch within the carriageway, its edge, and the back of the footway
+    patch, edge, back = axis(1.5, length=12.0), axis(0.0), axis(-2.0)
+    assert refused([patch, edge, back], [300.0, 4000.0, 900.0]) == [True, False, True]
+    # One that looks back, and one far away, are of another side or another road
+    assert refused([edge, axis(7.0, turned=True), axis(-30.0)], [4000.0, 10.0, 10.0]) == [False, False, False]
+    # What is known stays, and outweighs brightness alone however little it weighs itself
+    assert refused([edge, back], [4000.0, 100.0], known=[False, True]) == [False, False]
+    assert refused([edge, back], [4000.0, 100.0], shades=[1, 0], known=[False, True]) == [True, False]
+    # A wall at the back of the footway weighs nothing
+    assert refused([edge, back], [4000.0, 0.0], shades=[1, 0], known=[False, True]) == [False, False]
+
+
+def test_strips_and_seams_of_the_asphalt_end_no_carriageway():
+    edge = axis(0.0)
+    assert refused([edge], [100.0], lanes=[axis(-1.0)]) == [True]
+    # The bright stone of the edge itself is taken for paint
+    assert refused([edge], [100.0], lanes=[axis(-0.2)]) == [False]
+    assert refused([edge], [100.0], path=[axis(0.5)]) == [True]
+    assert refused([edge], [100.0], path=[axis(2.0)]) == [False]
+    # Asphalt is darker than what lies beside it, on one side only
+    assert refused([edge], [100.0], shades=[-1]) == [True]
+    assert refused([edge, axis(7.0, turned=True)], [100.0, 100.0], shades=[1, 1]) == [False, False]
+    assert refused([edge, axis(1.0, turned=True)], [100.0, 100.0], shades=[1, 1]) == [True, True]
+    assert refused([edge, axis(-1.0)], [100.0, 100.0], shades=[1, -1]) == [True, True]
+
+
+def test_changes_are_turned_to_the_path():
+    there = boxes_on(straight(20.0), form=BoxForm.CHANGE).take([3])
+    back = facing(there, [axis(-4.0)])
+    np.testing.assert_array_equal(back.u, -there.u)
+    np.testing.assert_array_equal(back.height_m, -there.height_m)
+    np.testing.assert_array_equal(facing(there, [axis(4.0)]).u, there.u)
+    np.testing.assert_array_equal(facing(there, [axis(40.0)]).u, there.u)
+    assert len(facing(there.take([]), [axis(4.0)])) == 0
 
 
 def test_the_path_tells_on_which_side_of_a_step_the_road_is():

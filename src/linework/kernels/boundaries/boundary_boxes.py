@@ -10,6 +10,7 @@ from numba import njit
 
 from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
+from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
 from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, may_be_kerb
 from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
@@ -28,6 +29,7 @@ from linework.kernels.boundaries.profiles import (
 from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.cells.places import (
     BOX_ALL_ROAD,
+    BOX_CONTRAST,
     BOX_END,
     BOX_FOUND,
     BOX_HOLE,
@@ -35,6 +37,9 @@ from linework.kernels.cells.places import (
     BOX_X,
     BOX_Y,
     COLUMNS,
+    EDGE,
+    FORM,
+    SCORE,
     START,
     floor_near,
     gather_area,
@@ -43,6 +48,8 @@ from linework.kernels.cells.places import (
 )
 from linework.kernels.cells.surroundings import fit_surroundings
 
+#: Edges of no larger score, by brightness alone, are sought as changes of the ground too.
+UNSURE_EDGE = 0.5
 #: Smallest share of floor among the cells about a pavement's edge.
 LEAST_FLOOR_SHARE = 0.15
 
@@ -58,7 +65,7 @@ def box_in_cell(
 ) -> int:
     """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (16,)
+    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (17,)
     output with the columns of `linework.kernels.cells.places`.
     """
     plane = np.zeros(3)
@@ -94,6 +101,38 @@ def box_in_cell(
 
 
 @njit(cache=True, nogil=True)
+def change_box_in_cell(
+    data: FloorCells,
+    ground: tuple[Float32Array, float, int, int],
+    place: tuple[float, float],
+    limits: FloorLimits,
+    scratch: PlaceScratch,
+    box: FloatArray,
+) -> int:
+    """Find a change of the ground in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
+
+    Parameters as for `box_in_cell`.
+    """
+    plane = np.zeros(3)
+    x, y = place
+    slope = slope_at(place, ground)
+    noise, usual = floor_near(data.facets, data.span, x, y, slope, plane)
+    if noise < 0.0:
+        return BOX_HOLE
+    if noise > roughness_limit(usual, limits.most_noise):
+        return BOX_NO_ROAD
+    slopes = np.empty((4, 4))
+    rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
+    if rise < 0.0:
+        return BOX_HOLE
+    if share < LEAST_FLOOR_SHARE or not may_change(slopes):
+        return BOX_ALL_ROAD
+    area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work, CHANGE_AREA_POINTS)
+    floor = LocalFloor(plane, noise, slope[0], slope[1], usual)
+    return change_in_cell(data, place, floor, slopes, area, limits, scratch, box)
+
+
+@njit(cache=True, nogil=True)
 def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
     return PlaceScratch(
@@ -111,7 +150,7 @@ def boxes_in_cells(
     limits: FloorLimits,
     core: tuple[float, float, float, float],
 ) -> FloatArray:
-    """Return the boxes of all cells that hold points, (n, 16), by row from the south, then by column.
+    """Return the boxes of all cells that hold points, (n, 17), by row from the south, then by column.
 
     Parameters
     ----------
@@ -143,9 +182,15 @@ def boxes_in_cells(
                 continue
             if y < south - FINE_M or y > north + FINE_M:
                 continue
-            if n == len(out):
+            if n + 1 >= len(out):
                 out = np.concatenate((out, np.empty_like(out)))
+            out[n : n + 2, BOX_CONTRAST] = np.nan
+            is_sure = False
             if box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
+                write_box_times(starts, span, times, out[n])
+                is_sure = out[n, FORM] != EDGE or out[n, SCORE] > UNSURE_EDGE
+                n += 1
+            if not is_sure and change_box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
     return out[:n]
@@ -155,7 +200,7 @@ def boxes_in_cells(
 def write_box_times(
     starts: IntArray, span: IntArray, times: tuple[IntArray, FloatArray], box: FloatArray
 ) -> None:
-    """Write the times of the first and the last point within about 0.25 m of a box (16,)."""
+    """Write the times of the first and the last point within about 0.25 m of a box (17,)."""
     box[START], box[BOX_END] = np.nan, np.nan
     source, time = times
     if len(time) == 0:

@@ -159,7 +159,7 @@ def kerb_in_cell(
     limits, scratch
         Settings; arrays to overwrite.
     box
-        (16,) output: columns of `linework.kernels.cells.places`.
+        (17,) output: columns of `linework.kernels.cells.places`.
     """
     work, sums, step = scratch
     slopes, rise = around
@@ -214,7 +214,7 @@ def kerb_in_cell(
 
 @njit(cache=True, nogil=True)
 def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
-    """Write the columns of a box (16,) that follow from its measured step (18,) and cover (5,)."""
+    """Write the columns of a box (17,) that follow from its measured step (18,) and cover (5,)."""
     box[S_V], box[S_U] = step[STEP_SIGMA_V], step[STEP_SIGMA_U]
     box[S_Z] = 2.0 * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
     box[SCORE] = _score(step, share)

@@ -54,11 +54,12 @@ _TILT_LEVER_M = 0.15
 #: Half of the length over which the slope of the ground is taken. [m]
 _HALF_SLOPE_M = 1.5
 #: Columns of a box.
-BOX_X, BOX_Y, BOX_Z, BOX_UX, BOX_UY, BOX_HALF_U, S_V, S_Z, S_U, SCORE, FORM, BOX_STEP, TOP_V, COUNT, START, BOX_END = (
-    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
-)  # fmt: skip
-COLUMNS = 16
-KERB, EDGE, BARRIER = 2.0, 3.0, 4.0
+(
+    BOX_X, BOX_Y, BOX_Z, BOX_UX, BOX_UY, BOX_HALF_U, S_V, S_Z, S_U, SCORE, FORM, BOX_STEP, TOP_V, COUNT, START, BOX_END,
+    BOX_CONTRAST,
+) = range(17)  # fmt: skip
+COLUMNS = 17
+KERB, EDGE, BARRIER, CHANGE = 2.0, 3.0, 4.0, 5.0
 
 
 @njit(cache=True, nogil=True)
@@ -118,8 +119,9 @@ def gather_area(
     place: tuple[float, float],
     plane: FloatArray,
     work: FloatArray,
+    wanted: int = AREA_POINTS,
 ) -> tuple[int, float]:
-    """Collect the points of the search area about a place, wider where they are few.
+    """Collect the points of the search area about a place, wider where they are fewer than `wanted`.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ def gather_area(
     scale = SCALES[0]
     for k in range(len(SCALES)):
         scale = SCALES[k]
-        if k == len(SCALES) - 1 or count_near(starts, span, place, AREA_M * scale) >= AREA_POINTS:
+        if k == len(SCALES) - 1 or count_near(starts, span, place, AREA_M * scale) >= wanted:
             break
     return gather_at(points, starts, span, place, AREA_M * scale, plane, ENOUGH_POINTS, work), scale
 

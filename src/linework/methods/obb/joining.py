@@ -6,21 +6,27 @@ Each step is a function from `Joining` to `Joining`, so that `Obb.join` runs the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
+from linework.kernels.boundaries.change_boxes import GAIN_SCALE
 from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.arrangement import (
+    BEHIND_KERB_M,
+    SEAM_M,
     along_lines,
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
+    facing,
     has_road_behind,
     is_double,
+    outweighed,
     paint_forms,
     roles,
 )
@@ -59,6 +65,8 @@ class Joining:
         Axes along the path of the vehicle.
     kerbs, boundaries
         Kerbs, and all boundaries, kerbs first.
+    changes
+        Changes of the ground, of which some are boundaries.
     markings, other
         Lane markings, and other paint.
     """
@@ -69,6 +77,7 @@ class Joining:
     config: TrackConfig
     kerbs: Sequence[SmoothBoundary] = ()
     boundaries: Sequence[SmoothBoundary] = ()
+    changes: Sequence[SmoothBoundary] = ()
     markings: Sequence[SmoothMarking] = ()
     other: Sequence[SmoothMarking] = ()
 
@@ -108,6 +117,14 @@ def find_barriers(now: Joining) -> Joining:
     return _with_boundaries(now, BoxForm.BARRIER)
 
 
+def find_changes(now: Joining) -> Joining:
+    """Track the changes of the ground that lie apart from all boundaries so far, with the path on their left."""
+    boxes = now.boxes[BoxForm.CHANGE]
+    known = axes_of_lines(now.boundaries)
+    boxes = boxes.take(~beside_kerb(boxes, known, -KERB_SIDE_M, KERB_SIDE_M))
+    return replace(now, changes=_boundaries(now, facing(boxes, now.path)))
+
+
 def face_the_road(now: Joining) -> Joining:
     """Turn the steps whose road lies on their upper side: a verge may be lower than the pavement."""
     stripes = now.boxes[BoxForm.STRIPE]
@@ -143,20 +160,56 @@ def find_paint(now: Joining) -> Joining:
 
 def keep_consistent(now: Joining) -> Joining:
     """Drop lines that contradict others: markings off the carriageway, boundaries of none, pieces of other lines."""
-    boundaries, path = now.boundaries, now.path
+    path = now.path
+    changes = ends_of_carriageway(now)
+    boundaries = [*now.boundaries, *changes]
+    is_change = np.arange(len(boundaries)) >= len(now.boundaries)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
-    is_sure = is_kerb | np.array([b.confidence >= SURE for b in boundaries], dtype=np.bool_)
+    is_sure = is_kerb | np.array(
+        [b.confidence >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
+    )
+    # Behind a kerb there is no carriageway over some width; behind an edge there may be another one, but not close
+    # behind; and a change of the ground has a stone beside it at most
+    width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
     sure = [b for b, yes in zip(boundaries, is_sure, strict=True) if yes]
-    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), is_kerb[is_sure])
+    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), width_m[is_sure])
     markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
     # A boundary has a carriageway in front of it and none behind it
-    kept = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, [*axes_of_lines(markings), *path])
+    kept = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(markings), path)
     boundaries = [b for b, yes in zip(boundaries, kept, strict=True) if yes]
     # Bars and arrows stand alone: paint that runs along a line is a piece of that line
     lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]
     is_piece = along_lines(axes_of_lines(now.other), lines, KERB_STONE_M)
     other = [m for m, yes in zip(now.other, is_piece, strict=True) if not yes and m.confidence >= SURE]
     return replace(now, markings=markings, other=other, boundaries=boundaries)
+
+
+def ends_of_carriageway(now: Joining) -> list[SmoothBoundary]:
+    """Return the changes of the ground at which the carriageway ends."""
+    lines = [*now.boundaries, *now.changes]
+    known = np.arange(len(lines)) < len(now.boundaries)
+    evidence = np.array([_evidence(line) for line in lines])
+    axes = axes_of_lines(lines)
+    shades = np.array([_shade(line) for line in lines], dtype=np.int64)
+    out = outweighed(axes, evidence, shades, known, axes_of_lines(now.markings), now.path)
+    return [line for line, no in zip(lines, out | known, strict=True) if not no]
+
+
+def _evidence(line: SmoothBoundary) -> float:
+    """Return the log-likelihood that a boundary is one, over all its boxes; that of kerbs is not weighed."""
+    if line.form == "kerb":
+        return math.inf
+    if line.form == "barrier":
+        return 0.0
+    score = line.scores
+    return float(-GAIN_SCALE * np.sum(np.log1p(-np.minimum(score, 1.0 - 1e-6))))
+
+
+def _shade(line: SmoothBoundary) -> int:
+    """Return +1 where a boundary is a change of brightness alone, brighter outside, -1 where it is darker, else 0."""
+    contrast = line.contrasts
+    alone = np.isfinite(contrast)
+    return int(np.sign(np.median(np.log(contrast[alone])))) if 2 * np.count_nonzero(alone) > len(alone) else 0
 
 
 def line_set(now: Joining) -> LineSet:

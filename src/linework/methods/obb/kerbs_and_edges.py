@@ -143,7 +143,7 @@ def kernel_settings(c: BoundaryConfig) -> FloorLimits:
 
 
 def boundary_box_set(rows: FloatArray) -> BoxSet:
-    """Return rows (n, 16), with the columns of `linework.kernels.cells.places`, as boxes."""
+    """Return rows (n, 17), with the columns of `linework.kernels.cells.places`, as boxes."""
     return BoxSet(
         centre=rows[:, [places.BOX_X, places.BOX_Y, places.BOX_Z]],
         u=rows[:, [places.BOX_UX, places.BOX_UY]],
@@ -156,6 +156,7 @@ def boundary_box_set(rows: FloatArray) -> BoxSet:
         form=rows[:, places.FORM],
         height_m=rows[:, places.BOX_STEP],
         top_v_m=rows[:, places.TOP_V],
+        contrast=rows[:, places.BOX_CONTRAST],
         n_points=rows[:, places.COUNT],
         time_start_s=rows[:, places.START],
         time_end_s=rows[:, places.BOX_END],

@@ -42,7 +42,15 @@ from linework.model.trajectory import Trajectory
 #: A box depends on the points within this distance of its cell only. [m]
 BOX_REACH_M = 8.0
 #: What `Obb.steps` calls the steps of the join.
-_NAMES_OF_STEPS = ("kerbs", "edges", "barriers", "sides of the road", "paint", "consistent lines")
+_NAMES_OF_STEPS = (
+    "kerbs",
+    "edges",
+    "barriers",
+    "changes of the ground",
+    "sides of the road",
+    "paint",
+    "consistent lines",
+)
 OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
@@ -141,6 +149,7 @@ class Obb:
         # What else bounds the road: the edge of the pavement, then barriers and walls
         joining.find_edges,
         joining.find_barriers,
+        joining.find_changes,
         # The lower side of a step is not always the road
         joining.face_the_road,
         # Paint, which goes on along boundaries where it is worn
@@ -179,7 +188,8 @@ class Obb:
             ``ground`` (`Ground`); ``points`` (`Points`, in the fixed order that later arrays are in); with own
             evidence ``probability of paint`` (n,) float32; ``marking boxes`` (step 2) and ``boundary boxes``
             (step 1, `BoxSet` in world coordinates); then the lines so far after each step of tracking (step 3,
-            `LineSet`): ``kerbs``, ``edges``, ``barriers``, ``paint``, ``consistent lines``; and ``lines``, what
+            `LineSet`): ``kerbs``, ``edges``, ``barriers``, ``changes of the
+            ground``, ``sides of the road``, ``paint``, ``consistent lines``; and ``lines``, what
             `linework.extract` returns. All but plain arrays have `plot`.
 
         References

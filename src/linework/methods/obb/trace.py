@@ -27,7 +27,7 @@ TRACKED_AS = {
 #: Forms of the boxes of each kind.
 _FORMS = {
     "lane_marking": (BoxForm.STRIPE,),
-    "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER),
+    "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER, BoxForm.CHANGE),
 }
 #: Largest distance of a companion from its line: dashes lie on it, a kerb's top within the width of a kerb stone. [m]
 COMPANION_BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}

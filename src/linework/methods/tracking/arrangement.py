@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis, Neighbours, find_neighbours
 from linework.model.boxes import BoxSet
 
@@ -24,6 +25,12 @@ BESIDE_KERB_M = 0.45
 BEHIND_KERB_M = 15.0
 #: An edge with paint this close behind it is a seam within the carriageway. [m]
 SEAM_M = 3.0
+#: Lines of one side of a carriageway lie within this: a lane with its shoulder, a parking lane and a footway. [m]
+SECTION_M = 8.0
+#: Widest strip of another brightness within a carriageway: the band between wheel tracks, a trench. [m]
+SHADE_STRIP_M = 3.0
+#: Half the width of a vehicle that passes, at least: small vans are 1.8 m wide. [m]
+HALF_VEHICLE_M = 0.9
 #: Widest gutter or kerb bed. [m]
 WIDEST_GUTTER_M = 1.5
 #: Largest distance of the stripes of a double line, middle to middle (two of 0.15 m with a gap of 0.2 m). [m]
@@ -35,6 +42,8 @@ LANE_M = 6.0
 #: A property holds for a line if it does at more than this share of its stations; a neighbour counts if it is there at
 #: more than this share of them.
 _MOST, _OFTEN = 0.5, 0.4
+#: A change of the ground is refused for what is beside it at more than this share of its stations.
+_SOME = 0.3
 #: Cosines with the road below which a bar lies across it (60 degrees), and above which it runs along it (30 degrees).
 _ACROSS_ROAD, _ALONG_ROAD = 0.5, 0.866
 #: Ratios of the distances to both boundaries between which a line lies half-way between them.
@@ -59,8 +68,80 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: f
     return out
 
 
+def facing(boxes: BoxSet, path: Sequence[LineAxis]) -> BoxSet:
+    """Return boxes turned so that the nearest place of the vehicle's path within `FACING_M` lies on their left."""
+    if not path or len(boxes) == 0:
+        return boxes
+    xy = np.concatenate([axis.xy for axis in path])
+    distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=FACING_M)
+    near = np.isfinite(distance)
+    step = xy[np.where(near, nearest, 0)] - boxes.centre[:, :2]
+    turned = near & (boxes.u[:, 0] * step[:, 1] - boxes.u[:, 1] * step[:, 0] < 0.0)
+    sign = np.where(turned, -1.0, 1.0)
+    contrast = np.where(turned, 1.0 / boxes.contrast, boxes.contrast)
+    return replace(boxes, u=boxes.u * sign[:, None], height_m=boxes.height_m * sign, contrast=contrast)
+
+
+def outweighed(
+    axes: Sequence[LineAxis],
+    evidence: FloatArray,
+    shades: IntArray,
+    is_known: BoolArray,
+    lanes: Sequence[LineAxis],
+    path: Sequence[LineAxis],
+) -> BoolArray:
+    """Return which changes of the ground are not where the carriageway ends, (m,) bool.
+
+    Of parallel ones that face the same way, that with the most evidence in all is the end; a patch, a wheel track or a
+    seam is shorter or fainter. None ends a carriageway on which a vehicle passes as close as half its width, nor where
+    paint or the path lies close behind it.
+
+    Parameters
+    ----------
+    axes
+        Boundaries that are known, and changes, each with the carriageway to its left.
+    evidence
+        (m,) log-likelihood that the line is one, in all; inf: it cannot be outweighed.
+    shades
+        (m,) +1 where the line is a change of brightness alone, brighter outside, -1 where it is darker, 0 for others.
+    is_known
+        (m,) bool: boundaries that are known; they stay.
+    lanes, path
+        Axes of markings and of the vehicle's path.
+    """
+    m = len(axes)
+    every = [*axes, *lanes, *path]
+    n = find_neighbours(every, SECTION_M)
+    own = n.line < m
+    is_lane, is_path = n.other >= m, n.other >= m + len(lanes)
+    inside = is_path & (np.abs(n.across_m) < HALF_VEHICLE_M)
+    seam = is_lane & (n.across_m < -BESIDE_KERB_M) & (n.across_m > -SEAM_M)
+    out = _share_of_stations(n, own & (inside | seam), every)[:m] > _SOME
+    # Wheel tracks and strips of other asphalt are as bright on one side as on the other
+    shade = np.concatenate([shades * 1.0, np.zeros(len(every) - m)])
+    strip = (shade[n.line] * shade[n.other] * n.facing < 0.0) & (np.abs(n.across_m) < SHADE_STRIP_M)
+    out |= _share_of_stations(n, strip, every)[:m] > _SOME
+    out &= ~is_known
+    # Grass, soil and stone are brighter than asphalt
+    out |= ~is_known & (shades < 0)
+    # Those that weigh most first; brightness alone weighs less than any boundary that is known
+    weighs = np.append(evidence > 0.0, np.zeros(len(every) - m, dtype=np.bool_))
+    known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_)) & weighs
+    is_stronger = np.zeros(len(every), dtype=np.bool_)
+    for i in np.lexsort((np.arange(m), -evidence)).tolist():
+        stronger = (is_stronger | known) if shades[i] else is_stronger
+        rival = (n.line == i) & ~is_lane & (n.facing > 0.0) & stronger[n.other]
+        out[i] |= not is_known[i] and _share_of_stations(n, rival, every)[i] > _SOME
+        is_stronger[i] = not out[i] and weighs[i]
+    return np.asarray(out)
+
+
 def bounds_carriageway(
-    axes: Sequence[LineAxis], is_kerb: BoolArray, is_sure: BoolArray, lanes: Sequence[LineAxis]
+    axes: Sequence[LineAxis],
+    is_kerb: BoolArray,
+    is_sure: BoolArray,
+    markings: Sequence[LineAxis],
+    path: Sequence[LineAxis],
 ) -> BoolArray:
     """Return which boundaries have a carriageway in front of them and none behind, (m,) bool.
 
@@ -77,10 +158,10 @@ def bounds_carriageway(
         (m,) bool.
     is_sure
         (m,) bool: sure boundaries, to which paint behind them means nothing (it is grass or stone).
-    lanes
+    markings, path
         Axes of markings and of the vehicle's path.
     """
-    m = len(axes)
+    m, lanes, has_path = len(axes), [*markings, *path], len(path) > 0
     n = find_neighbours([*axes, *lanes], FACING_M)
     own = n.line < m
     is_lane = n.other >= m
@@ -95,9 +176,10 @@ def bounds_carriageway(
     gutter = behind & kerb[n.other] & (n.across_m > -WIDEST_GUTTER_M) & (n.facing > 0.0)
     every = [*axes, *lanes]
     good = _share_of_stations(n, in_front, every)[:m] > _MOST
-    # A kerb shows on which side its carriageway is; without paint and a path, so does every boundary
+    # A kerb shows on which side its carriageway is; without a path, and paint near it, so does every boundary
     hidden = _share_of_stations(n, first & ~in_front, every)[:m] > _MOST
-    good |= ~hidden & (is_kerb | (len(lanes) == 0))
+    is_alone = (not has_path) & (_share_of_stations(n, own & is_lane, every)[:m] <= _MOST)
+    good |= ~hidden & (is_kerb | is_alone)
     bad = _share_of_stations(n, seam | gutter, every)[:m] > _MOST
     return _with_continued(axes, is_kerb, good & ~bad)
 
@@ -162,15 +244,16 @@ def has_road_behind(
     return out
 
 
-def behind_boundaries(lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], is_kerb: BoolArray) -> BoolArray:
+def behind_boundaries(
+    lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], width_m: FloatArray
+) -> BoolArray:
     """Return which markings lie behind a boundary, (m,) bool: bright strips on footways, in yards and on verges.
 
-    Behind a kerb there is no carriageway over some width; behind an edge without a kerb there may be another
-    carriageway whose own edge was not found, but not close behind.
+    width_m: (k,) how far behind each boundary there is no carriageway [m].
     """
     m = len(lanes)
     n = find_neighbours([*lanes, *bounds], BEHIND_KERB_M)
-    reach = np.concatenate([np.zeros(m), np.where(is_kerb, BEHIND_KERB_M, SEAM_M)])
+    reach = np.concatenate([np.zeros(m), width_m])
     near = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) <= reach[n.other])
     first = _nearest_per_station(n, near)
     # The carriageway is on the left of the boundary: a marking on its right is behind

@@ -29,7 +29,7 @@ UNMEASURED_M = 1.5
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Names of the forms of boxes, as lines have them.
-FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier"}
+FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier", BoxForm.CHANGE: "edge"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +52,8 @@ class SmoothBoundary:
         0 to 1.
     times_s
         First and last time of its points. [s]
+    scores, contrasts
+        (k,) float64: those of the boxes.
     """
 
     line: SmoothLine
@@ -61,6 +63,8 @@ class SmoothBoundary:
     height_m: FloatArray
     confidence: float
     times_s: tuple[float, float]
+    scores: FloatArray
+    contrasts: FloatArray
 
 
 def smooth_boundaries(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothBoundary]:
@@ -105,7 +109,7 @@ def _pieces(boxes: BoxSet, box: IntArray, visible: Sight) -> list[IntArray]:
 def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
     """Return the boundary through boxes (k,), of the form that most of their score has."""
     reach = float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
-    form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=5)))
+    form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=6)))
     line = smooth_line(boxes, box, reach, SHARED if form == BoxForm.KERB else SHARED_EDGE)
     at = np.maximum(line.box, 0)
     is_form = line.is_measured & (boxes.form[at] == form)
@@ -118,7 +122,10 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
         sigma_z_m=np.hypot(line.sigma_z_m, height[1]),
     )
     confidence = confidence_of(boxes.score[box], line.sigma_xy_m)
-    return SmoothBoundary(line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box))
+    return SmoothBoundary(
+        line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box),
+        boxes.score[box], boxes.contrast[box],
+    )  # fmt: skip
 
 
 def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
@@ -130,7 +137,7 @@ def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
     has_top = bool(np.isfinite(top.xyz).all())
     return SmoothBoundary(
         top if has_top else foot, foot, boundary.boxes[::-1], FORMS[BoxForm.EDGE], -boundary.height_m[::-1],
-        boundary.confidence, boundary.times_s,
+        boundary.confidence, boundary.times_s, boundary.scores[::-1], boundary.contrasts[::-1],
     )  # fmt: skip
 
 
