@@ -67,7 +67,8 @@ def _whole_paint(on: IntArray, beside: IntArray) -> float | None:
     # Less the bare places, which are as bright as the road beside
     bare = on[ratio <= 1.0].sum() / max(int(beside[ratio <= 1.0].sum()), 1)
     common = np.where(ratio > plain, np.convolve(on - bare * beside, np.ones(5), mode="same"), 0.0)
-    whole = float(ratio[int(np.argmax(common))])
+    # What is left of worn paint is hardly brighter than road
+    whole = float(ratio[int(np.argmax(common * (1.0 - 1.0 / ratio)))])
     for _ in range(N_RATIOS):
         middle = 0.5 * (1.0 + whole)
         painted = np.where((ratio >= middle) & (ratio <= whole * whole / middle), on, 0)

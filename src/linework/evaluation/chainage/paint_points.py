@@ -31,6 +31,9 @@ _NEAR_ROAD_M = 0.06
 _UNEVEN = 1.5
 #: Fewest points beside a piece that give the brightness of the road.
 _LEAST_BESIDE = 8
+#: Points later than this belong to another look: another head, or another pass, with a brightness of its own. Scan lines
+#: are 5 to 20 ms apart. [s]
+_SAME_LOOK_S = 0.05
 #: Steps of a profile across, and how far it reaches beyond the edges of the paint. [m]
 STEP_ACROSS_M, _BEYOND_M = 0.02, 0.2
 #: Ratios are counted in steps of 5 %, from 0.1 to 20: paint is 1.3 to 10 times as bright as road.
@@ -151,23 +154,26 @@ def _looked_at(
     points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
     chords = np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces])
     owner = np.repeat(np.arange(len(pieces)), [len(piece) - 1 for piece in pieces])
-    piece, across, value = _on_chords(points, chords, owner, reach)
-    order = np.argsort(piece, kind="stable")
+    piece, across, value, time_s = _on_chords(points, chords, owner, reach)
+    order = np.lexsort((value, across, time_s, piece))
     bounds = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
     on, beside = np.zeros((2, len(pieces), N_RATIOS), dtype=np.int64)
     road_sigma = np.zeros(len(pieces))
     across_m = np.full((2, len(pieces)), np.nan)
     for i, (a, b) in enumerate(pairwise(bounds.tolist())):
-        q, v = across[order[a:b]], value[order[a:b]]
-        sides = _road_beside(q, v, 0.5 * width_m[i])
-        if not sides:
+        here, half = order[a:b], 0.5 * width_m[i]
+        found = [
+            look
+            for part in np.split(here, np.flatnonzero(np.diff(time_s[here]) > _SAME_LOOK_S) + 1)
+            if (look := _as_ratios(across[part], value[part], half)) is not None
+        ]
+        if not found:
             continue
-        road = float(np.median(sides[0]))
-        if road > 0.0:
-            road_sigma[i] = 0.5 * abs(float(np.median(sides[-1])) - road) / road
-            on[i] = _counted(v[np.abs(q) <= 0.5 * CORE_SHARE * width_m[i]] / road)
-            beside[i] = _counted(sides[0] / road)
-            across_m[:, i] = _width_across(q, v / road, 0.5 * width_m[i])
+        q, ratio, plain = (np.concatenate([look[k] for look in found]) for k in range(3))
+        road_sigma[i] = float(np.mean([look[3] for look in found]))
+        on[i] = _counted(ratio[np.abs(q) <= CORE_SHARE * half])
+        beside[i] = _counted(plain)
+        across_m[:, i] = _width_across(q, ratio, half)
     length = np.array([float(np.linalg.norm(np.diff(one[:, :2], axis=0), axis=1).sum()) for one in pieces])
     return PaintPieces(
         line=line, xy=_middles(pieces), length_m=length, width_m=width_m, on=on, beside=beside, road_sigma=road_sigma,
@@ -177,10 +183,10 @@ def _looked_at(
 
 def _on_chords(
     points: Points, chords: FloatArray, owner: IntArray, reach: float
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return piece, distance across (positive to the left) and brightness of the points on the road beside chords."""
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return piece, distance across (positive to the left), brightness and time of the points on the road beside chords."""
     if points.intensity is None or not len(points):
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0)
     middle, half = chords.mean(axis=1), 0.5 * (chords[:, 1] - chords[:, 0])
     length = np.linalg.norm(half[:, :2], axis=1)
     tree = cKDTree(middle[:, :2])
@@ -194,7 +200,20 @@ def _on_chords(
     up = shift[:, 2] - along * half[chord, 2] / length[chord]
     kept = (np.abs(along) <= length[chord]) & (np.abs(across) <= reach) & (np.abs(up) <= _NEAR_ROAD_M)
     brightness = points.intensity[near[kept]].astype(np.float64)
-    return owner[chord[kept]], across[kept], brightness
+    time_s = np.zeros(len(brightness)) if points.time_s is None else points.time_s[near[kept]]
+    return owner[chord[kept]], across[kept], brightness, time_s
+
+
+def _as_ratios(
+    across: FloatArray, value: FloatArray, half_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
+    """Return distances across, ratios to the road beside, those of the road, and its deviation; None without road."""
+    sides = _road_beside(across, value, half_m)
+    road = float(np.median(sides[0])) if sides else 0.0
+    if road <= 0.0:
+        return None
+    sigma = 0.5 * abs(float(np.median(sides[-1])) - road) / road
+    return across, value / road, sides[0] / road, sigma
 
 
 def _road_beside(across: FloatArray, value: FloatArray, half_m: float) -> list[FloatArray]:

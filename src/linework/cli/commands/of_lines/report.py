@@ -160,6 +160,6 @@ def _paint(
         with steps.step("look at the paint", unit="tiles") as advance:
             return paint_pieces(
                 lines,
-                lambda area: store.points(area, ordered=False, with_time=False, with_columns=False),
+                lambda area: store.points(area, ordered=False, with_columns=False),
                 advance,
             )
