@@ -127,6 +127,24 @@ def test_another_height_of_a_rail_is_a_change():
     assert not found(old, epoch(33).with_columns(height_m=heights - 0.02), "changed")
 
 
+def test_a_height_that_stayed_is_no_change():
+    old = LineSet.from_lines([straight_line(0.0, 100.0)], kind="kerb_top", height_m=[0.10], sigma_z_m=0.005)
+    ends = ((0.0, 30.0, 0.25), (30.0, 60.0, 0.10), (60.0, 100.0, 0.25))
+    new = LineSet.from_lines(
+        [straight_line(a, b) for a, b, _ in ends],
+        kind="kerb_top",
+        height_m=[h for *_, h in ends],
+        sigma_z_m=0.005,
+    )
+    changes = [c for c in compare_epochs(old, new)[0] if c.status == "changed"]
+    assert [(round(c.from_m, -1), round(c.to_m, -1)) for c in changes] == [(0.0, 30.0), (60.0, 100.0)]
+
+
+def straight_line(start, end):
+    x = np.arange(start, end + 0.1, 2.0)
+    return np.column_stack([x, np.zeros(len(x)), np.zeros(len(x))])
+
+
 def test_new_and_gone_lines_are_found():
     table = {**{k: v for k, v in TABLE.items() if k != "other"}, "fence": ("fence", -6.0)}
     changes = [c for c in compare_epochs(epoch(3), epoch(4, table))[0] if c.length_m > 30]
@@ -161,7 +179,9 @@ def test_nothing_compared_with_nothing():
     old = epoch(1)
     changes, registration = compare_epochs(old, LineSet.empty(old.crs))
     assert {c.status for c in changes} == {"not visible"} and len(registration.cells) == 0
-    assert {c.status for c in compare_epochs(LineSet.empty(old.crs), old)[0]} == {"new"}
+    # What was not surveyed before may have been there
+    changes = compare_epochs(LineSet.empty(old.crs), old)[0]
+    assert {(c.status, c.what) for c in changes} == {("not visible", "in the old survey")}
     with pytest.raises(CrsError, match="two different CRSs"):
         compare_epochs(old, old.with_columns(crs=parse_crs("EPSG:25833")))
 

@@ -126,6 +126,18 @@ def test_errors_of_the_corrected_path_are_as_large_as_its_sigma():
     assert 0.7 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.5
 
 
+def test_a_drive_of_one_pose_is_no_fault():
+    path = path_of(
+        ((0.0, 0.0), (400.0, 0.0)), 60.0, ((400.0, 3.0), (0.0, 3.0)), 60.0, ((0.0, 3.0), (0.0, 3.0))
+    )
+    two = path_of(((0.0, 0.0), (400.0, 0.0)), 60.0, ((400.0, 3.0), (0.0, 3.0)))
+    _, ties = drawn_ties(two, np.random.default_rng(5))
+    drives = separate_drives(path)
+    assert len(drives) == 3 and len(drives[2].time_s) == 1
+    correction = adjusted_path(drives, path, ties)
+    assert np.isfinite(correction.xyz_m).all() and np.isfinite(correction.covariance_m2).all()
+
+
 def test_without_stated_sigmas_the_differences_say_how_good_the_drives_are():
     path = path_of(((0.0, 0.0), (400.0, 0.0)), 60.0, ((400.0, 3.0), (0.0, 3.0)))
     drives, ties = drawn_ties(path, np.random.default_rng(4), n_wrong=0)

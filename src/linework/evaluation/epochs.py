@@ -154,7 +154,8 @@ def compare_epochs(old: LineSet, new: LineSet) -> tuple[list[EpochChange], Regis
     ]
     for i in range(len(new)):
         alone = (back.line == i) & (back.partner < 0) & ~back.bridged
-        changes += _stretches(new, back, i, alone, "new")
+        changes += _stretches(new, back, i, alone & back.visible, "new")
+        changes += _stretches(new, back, i, alone & ~back.visible, "not visible", what="in the old survey")
     return changes + paint, registration
 
 
@@ -374,6 +375,7 @@ def _changed(old: LineSet, new: LineSet, stations: _Stations, i: int, both: IntA
         mask = np.zeros(len(stations.line), dtype=bool)
         # A line has one height, also where it is bridged
         mask[rows[0] : rows[-1] + 1] = True
+        mask[both[~(beyond & (after_m == value_m))]] = False
         what = f"height {before_m:.2f} to {value_m:.2f} m"
         found += _stretches(old, stations, i, mask, "changed", what=what)
     return found

@@ -115,7 +115,7 @@ def test_intensities_between_0_and_1_are_scaled_and_that_is_stated(tmp_path):
     table = table_of(points, intensity="f4")
     table["intensity"] = np.linspace(0.0, 1.0, len(table))
     (tmp_path / "a.ply").write_bytes(ply(table))
-    with pytest.warns(LineworkWarning, match="intensities are scaled"):
+    with pytest.warns(LineworkWarning, match="intensities from 0 to 1 are scaled"):
         found = read_points(tmp_path / "a.ply", crs=CRS)
     assert (found.intensity.min(), found.intensity.max()) == (0, 65_535)
 
@@ -262,3 +262,47 @@ def test_unknown_suffixes_name_those_that_are_read(tmp_path):
     (tmp_path / "a.xyz").write_text("1 2 3")
     with pytest.raises(InputError, match=r"expected \.las, \.laz, \.ply, \.pcd or survey\.toml"):
         read_points(tmp_path / "a.xyz")
+
+
+def test_one_bright_point_does_not_darken_its_file(tmp_path):
+    found = []
+    for name, bright in (("a", 0.9), ("b", 6.0)):
+        table = table_of(road_points(), intensity="f4")
+        table["intensity"] = 0.3
+        table["intensity"][0] = bright
+        path = tmp_path / f"{name}.ply"
+        path.write_bytes(ply(table))
+        with pytest.warns(LineworkWarning, match="intensities from 0 to 1 are scaled"):
+            found.append(np.median(read_points(path, crs=CRS).intensity))
+    assert found[0] == found[1] == pytest.approx(0.3 * 65_535, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "problem"),
+    [
+        ("1 2 3 4\n5 6\n", "4 values in a line of 3"),
+        ("1 2 3\n" + "4 " * 40_000, "a line of more than 65,536"),
+    ],
+)
+def test_text_has_one_line_per_point(tmp_path, rows, problem):
+    path = tmp_path / "a.ply"
+    names = "".join(f"property double {c}\n" for c in "xyz")
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 2\n{names}end_header\n{rows}")
+    with pytest.raises(InputError, match=problem):
+        read_points(path, crs=CRS)
+
+
+def test_only_32_bit_coordinates_are_judged(tmp_path):
+    row = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f4")])
+    table = np.array([(500_000.25, 5_000_000.5, 30.0), (500_001.25, 5_000_001.5, 31.0)], row)
+    (tmp_path / "a.ply").write_bytes(ply(table))
+    with pytest.warns(LineworkWarning, match="no intensity"):
+        found = read_points(tmp_path / "a.ply", crs=CRS)
+    assert sorted(found.xyz[:, 2].tolist()) == [30.0, 31.0]
+
+
+def test_a_number_without_end_is_one_line(tmp_path):
+    path = tmp_path / "a.ply"
+    path.write_text("ply\nformat ascii 1.0\nelement vertex " + "9" * 5_000 + "\nend_header\n")
+    with pytest.raises(InputError, match="expected a whole number"):
+        read_points(path, crs=CRS)

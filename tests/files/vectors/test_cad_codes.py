@@ -64,3 +64,19 @@ def test_a_wrong_table_of_codes_is_one_line(tmp_path, text, problem):
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError, match=re.escape(problem)):
         read_cad_codes(path)
+
+
+def test_layers_of_every_drawing_and_shared_ones_keep_the_looks_of_their_rows(tmp_path):
+    (tmp_path / "codes.csv").write_text(
+        "kind,pattern,layer,color\nlane_marking,solid,L,#ff0000\nlane_marking,dashed,l,#00ff00\n"
+        "guardrail,,Defpoints,\ncable,,0,#0000ff\n"
+    )
+    path = tmp_path / "lines.dxf"
+    write_lines(sample(), path, codes=read_cad_codes(tmp_path / "codes.csv"))
+    document = ezdxf.readfile(path)
+    first, second, *_ = document.modelspace().query("POLYLINE")
+    assert document.layers.get("L").rgb == (255, 0, 0)
+    assert not first.dxf.hasattr("true_color") and second.rgb == (0, 255, 0)
+    assert second.dxf.linetype == "LINEWORK_DASHED"
+    assert document.layers.get("0").rgb == (0, 0, 255)
+    assert not document.audit().errors

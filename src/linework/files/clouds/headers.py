@@ -32,6 +32,7 @@ _PCD_TYPES = {"F": {4: "<f4", 8: "<f8"}, "I": {1: "i1", 2: "<i2", 4: "<i4", 8: "
               "U": {1: "u1", 2: "<u2", 4: "<u4", 8: "<u8"}}  # fmt: skip
 _PCD_ENCODINGS: dict[str, Encoding] = {"ascii": "text", "binary": "rows", "binary_compressed": "columns"}
 _MOST_POINTS = 1 << 40
+_MOST_DIGITS = 13
 
 
 def read_cloud_table(path: Path) -> tuple[CloudTable, int]:
@@ -67,7 +68,7 @@ def _lines(path: Path, file: BinaryIO, last: str) -> list[list[str]]:
 
 
 def _number(path: Path, text: str, what: str) -> int:
-    if not (text.isascii() and text.isdecimal() and int(text) < _MOST_POINTS):
+    if not (len(text) <= _MOST_DIGITS and text.isascii() and text.isdecimal() and int(text) < _MOST_POINTS):
         raise InputError(
             f"{what} is '{text[:20]}', expected a whole number", where=path, advice=DAMAGED_ADVICE
         )

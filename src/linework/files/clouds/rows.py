@@ -21,6 +21,10 @@ from linework.model.points import FARTHEST_COORDINATE_M
 #: Coarsest step of coordinates: a tenth of what lines are asked to be right to. [m]
 _COARSEST_M = 1e-3
 _MOST_INTENSITY = 65_535
+#: Intensities of which this share is from 0 to 1 are shares of full scale; the others are beyond it. [share]
+_MOST_OF_THEM = 0.99
+#: Longest line of text [characters]: a point has some ten numbers.
+_LONGEST_LINE = 65_536
 
 
 def read_cloud_batches(
@@ -35,7 +39,7 @@ def read_cloud_batches(
     """
     table = header.cloud
     assert table is not None
-    low, span = _intensity_range(path, header, table, batch_points)
+    factor = _intensity_factor(path, header, table, batch_points)
     for rows in _checked(path, header, table, batch_points):
         xyz = np.stack([rows[name].astype(np.float64) for name in table.xyz], axis=1)
         _check_steps(path, table, xyz)
@@ -43,7 +47,7 @@ def read_cloud_batches(
         n = len(rows)
         intensity = np.zeros(n, dtype=np.uint16)
         if table.intensity:
-            values = np.nan_to_num((rows[table.intensity].astype(np.float64) - low) * span)
+            values = np.nan_to_num(rows[table.intensity].astype(np.float64) * factor)
             intensity[:] = np.clip(np.rint(values), 0, _MOST_INTENSITY)
         time = rows[table.time].astype(np.float64) if table.time else None
         columns = np.full((len(carry), n), np.nan, dtype=np.float32)
@@ -62,11 +66,11 @@ def read_cloud_batches(
 
 
 def _check_steps(path: Path, table: CloudTable, xyz: FloatArray) -> None:
-    kinds = [table.row[name] for name in table.xyz]
+    coarse = [i for i, name in enumerate(table.xyz) if table.row[name] in ("<f4", ">f4")]
     finite = np.abs(xyz[np.isfinite(xyz).all(axis=1)])
-    if not len(finite) or not any(kind.kind == "f" and kind.itemsize == 4 for kind in kinds):
+    if not len(finite) or not coarse:
         return
-    largest = float(finite[finite.max(axis=1) < FARTHEST_COORDINATE_M].max(initial=0.0))
+    largest = float(finite[finite.max(axis=1) < FARTHEST_COORDINATE_M][:, coarse].max(initial=0.0))
     step = float(np.spacing(np.float32(largest)))
     # Text has the digits that it has, whatever type its header names
     if step > _COARSEST_M and table.encoding != "text":
@@ -76,26 +80,21 @@ def _check_steps(path: Path, table: CloudTable, xyz: FloatArray) -> None:
         )  # fmt: skip
 
 
-def _intensity_range(path: Path, header: LasHeader, table: CloudTable, n: int) -> tuple[float, float]:
-    """Return what is taken off intensities, and the factor that brings them to whole numbers from 0 to 65,535.
+def _intensity_factor(path: Path, header: LasHeader, table: CloudTable, n: int) -> float:
+    """Return the factor that brings intensities to 0 to 65,535: full scale for shares of one, else 1.
 
-    Those that are such numbers stay as they are.
+    It is no stretch of a file's own range: files of one survey stay comparable.
     """
-    if not table.intensity:
-        return 0.0, 1.0
-    kind = table.row[table.intensity]
-    if kind.kind == "u" and kind.itemsize <= 2:
-        return 0.0, 1.0
-    low, high, is_whole = np.inf, -np.inf, True
+    if not table.intensity or table.row[table.intensity].kind != "f":
+        return 1.0
+    n_all = n_shares = n_whole = 0
     for rows in _checked(path, header, table, n):
         values = rows[table.intensity].astype(np.float64)
         values = values[np.isfinite(values)]
-        if len(values):
-            low, high = min(low, float(values.min())), max(high, float(values.max()))
-            is_whole = is_whole and bool((values == np.rint(values)).all())
-    if low > high or (is_whole and low >= 0 and high <= _MOST_INTENSITY):
-        return 0.0, 1.0
-    return low, _MOST_INTENSITY / (high - low) if high > low else 0.0
+        n_all += len(values)
+        n_shares += int(np.count_nonzero((values >= 0.0) & (values <= 1.0)))
+        n_whole += int(np.count_nonzero(values == np.rint(values)))
+    return float(_MOST_INTENSITY) if n_shares >= _MOST_OF_THEM * n_all and n_whole < n_all else 1.0
 
 
 def _checked(path: Path, header: LasHeader, table: CloudTable, n_batch: int) -> Iterator[AnyArray]:
@@ -135,13 +134,21 @@ def _text_rows(file: BinaryIO, table: CloudTable, n_points: int, n_batch: int) -
     row = np.dtype([(name, "<f8") for name in names])
     for first in range(0, n_points, n_batch):
         n = min(n_batch, n_points - first)
-        lines = list(itertools.islice(file, n))
-        values = np.array(b" ".join(lines).split(), dtype=np.float64)
-        if len(values) != len(lines) * len(names):
-            raise ValueError(f"{len(values):,} values in {len(lines):,} lines of {len(names)}")
+        lines = [words for line in itertools.islice(_short_lines(file), n) if (words := line.split())]
+        wrong = next((words for words in lines if len(words) != len(names)), None)
+        if wrong is not None:
+            raise ValueError(f"{len(wrong):,} values in a line of {len(names)}")
+        values = np.array(lines, dtype=np.float64)
         yield values.reshape(-1, len(names)).view(row)[:, 0]
         if len(lines) < n:
             return
+
+
+def _short_lines(file: BinaryIO) -> Iterator[bytes]:
+    while line := file.readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE:
+            raise ValueError(f"a line of more than {_LONGEST_LINE:,} characters")
+        yield line
 
 
 def _column_rows(file: BinaryIO, table: CloudTable, n_points: int, n_batch: int) -> Iterator[AnyArray]:

@@ -102,8 +102,10 @@ def _cloud_header(path: Path) -> LasHeader:
     table, n_points = read_cloud_table(path)
     columns = {name: LasColumn(name, table.row[name].str, 0) for name in table.further}
     warnings: tuple[str, ...] = ()
-    if table.intensity and table.row[table.intensity].kind == "f":
-        warnings = ("intensities are scaled to 0 to 65,535 where they are not whole numbers of that range",)
+    if table.intensity and table.row[table.intensity].str not in ("|u1", "<u2", ">u2"):
+        warnings = (
+            "intensities from 0 to 1 are scaled to 65,535; others are rounded, and cut at 0 and 65,535",
+        )
     return LasHeader(
         (0, 0), 1 if table.time else 0, table.row.itemsize, n_points, table.first_byte, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0),
         None, None, False, (), columns, None, warnings, table,

@@ -31,6 +31,8 @@ with extra_needed("cad"):
     from ezdxf.filemanagement import new, readfile
 
 _APP = "LINEWORK"
+#: Red, green and blue, and whether dashed.
+_Look = tuple[tuple[int, int, int], bool]
 #: DXF's codes for metres ($INSUNITS) and for text in extended data.
 _METRES, _STRING = 6, 1000
 #: Longest text in extended data. [characters]
@@ -55,13 +57,20 @@ def write_dxf(
         document.linetypes.add(_DASHED, pattern=_DASHED_PATTERN, description="dashed")
         coded = codes_of_lines(lines, codes)
         own = [name if code is None else code.layer for name, code in zip(_layers(lines), coded, strict=True)]
-        for layer, (colour, dashed) in _looks(own, kinds, codes).items():
-            if layer != "0":
-                linetype = _DASHED if dashed else "Continuous"
-                document.layers.add(layer, true_color=rgb2int(colour), linetype=linetype)
+        looks = _looks(own, kinds, codes)
+        for layer, look in looks.items():
+            # Layers 0 and Defpoints are in every drawing
+            if layer in document.layers:
+                document.layers.get(layer).update_dxf_attribs(_drawn(look))
+            else:
+                document.layers.add(layer, **_drawn(look))
+        by_name = {layer.lower(): look for layer, look in looks.items()}
         space, values = document.modelspace(), field_values(lines)
         for i, code in enumerate(coded):
-            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": own[i]})
+            attributes = {"layer": own[i]}
+            if code is not None and _look_of(code) != by_name[own[i].lower()]:
+                attributes |= _drawn(_look_of(code))
+            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs=attributes)
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
             polyline.set_xdata(_APP, _extended_data(fields | ({} if code is None else {"code": code.code})))
         # ezdxf goes through a set of these, whose order differs between processes
@@ -72,16 +81,21 @@ def write_dxf(
         options.write_fixed_meta_data_for_testing = before
 
 
-def _looks(
-    used: Sequence[str], kinds: Sequence[str], codes: Sequence[CadCode]
-) -> dict[str, tuple[tuple[int, int, int], bool]]:
+def _look_of(code: CadCode) -> _Look:
+    return code.color or colour_of(code.kind), (code.linetype or code.pattern) == "dashed"
+
+
+def _drawn(look: _Look) -> dict[str, Any]:
+    return {"true_color": rgb2int(look[0]), "linetype": _DASHED if look[1] else "Continuous"}
+
+
+def _looks(used: Sequence[str], kinds: Sequence[str], codes: Sequence[CadCode]) -> dict[str, _Look]:
     """Return colour, and whether dashed, of each layer: those of all codes, or of all kinds, and the used ones."""
-    looks: dict[str, tuple[tuple[int, int, int], bool]] = {}
+    looks: dict[str, _Look] = {}
     names: dict[str, str] = {}
     for code in codes:
         names.setdefault(code.layer.lower(), code.layer)
-        dashed = (code.linetype or code.pattern) == "dashed"
-        looks.setdefault(names[code.layer.lower()], (code.color or colour_of(code.kind), dashed))
+        looks.setdefault(names[code.layer.lower()], _look_of(code))
     for layer in ordered_layers([*used, *(() if codes else kinds)]):
         # DXF tells layers apart without regard to case
         if names.setdefault(layer.lower(), layer) == layer and layer not in looks:

@@ -132,7 +132,9 @@ def adjusted_path(drives: Sequence[DriveSpan], path: Trajectory, ties: DriveTies
 
 
 def _knots(drive: DriveSpan) -> FloatArray:
-    start, end = float(drive.time_s[0]), float(drive.time_s[-1])
+    start = float(drive.time_s[0])
+    # A drive may be a single pose
+    end = max(float(drive.time_s[-1]), start + KNOT_S)
     return np.linspace(start, end, max(math.ceil((end - start) / KNOT_S), 1) + 1)
 
 

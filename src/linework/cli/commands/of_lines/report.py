@@ -128,7 +128,7 @@ def _paint(
     import contextlib
 
     from linework.cli.failures import warn
-    from linework.crs import describe_crs, parse_crs
+    from linework.crs import describe_crs, same_plan
     from linework.errors import InputError, argument
     from linework.evaluation.chainage.paint_points import paint_pieces
     from linework.files.survey.open import open_survey
@@ -141,7 +141,7 @@ def _paint(
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(open_display(quiet=quiet)))
         survey = open_survey(paths, crs=crs, allow_outside=allow_outside)
-        if parse_crs(survey.crs) != parse_crs(lines.crs):
+        if lines.crs != survey.crs and not same_plan(survey.crs, lines.crs):
             raise InputError(
                 f"is in {describe_crs(survey.crs)}, the lines in {describe_crs(lines.crs)}", where=paths[0],
                 advice="name the survey from which the lines are",
