@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -13,6 +14,10 @@ from linework.files.las.write import write_las
 from linework.model.points import Points
 
 #: UTM 32 with heights of the German height system: projected, metres, compound.
+# No timing is asserted: these machines have other work
+hypothesis.settings.register_profile("any speed", deadline=None)
+hypothesis.settings.load_profile("any speed")
+
 CRS = "EPSG:25832+7837"
 
 

@@ -19,8 +19,8 @@ RADON = [
     "height above the ground", "cables", "lines",
 ]  # fmt: skip
 OBB = [
-    "ground", "points", "marking boxes", "boundary boxes", "kerbs", "edges", "barriers", "sides of the road", "paint",
-    "consistent lines", "lines",
+    "ground", "points", "marking boxes", "boundary boxes", "kerbs", "edges", "barriers", "changes of the ground",
+    "sides of the road", "paint", "consistent lines", "lines",
 ]  # fmt: skip
 
 

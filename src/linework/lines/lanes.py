@@ -86,7 +86,7 @@ def find_lanes(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
     >>> x = np.linspace(0.0, 50.0, 51)
     >>> rows = [np.column_stack([x, np.full(51, y), np.zeros(51)]) for y in (0.0, 3.5, 7.0)]
     >>> lanes = find_lanes(LineSet.from_lines(rows, kind=["lane_marking"] * 3, id=["a", "b", "c"]))
-    >>> lanes.width_m.round(3).tolist(), sorted(lanes.left_id.tolist()), lanes.centre.length_m.tolist()
+    >>> lanes.width_m.round(3).tolist(), sorted(lanes.left_id.tolist()), lanes.centre.length_m.round(6).tolist()
     ([3.5, 3.5], ['b', 'c'], [50.0, 50.0])
     """
     named = with_ids(lines, ())

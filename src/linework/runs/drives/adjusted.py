@@ -19,6 +19,7 @@ from linework.files.output.replace import replacing_folder
 from linework.files.store.facts import facts_of_store
 from linework.files.store.read import PointStore
 from linework.methods.choose import choose_methods
+from linework.methods.kinds import PUBLISHED_KINDS_OF
 from linework.methods.protocol import Method
 from linework.model.ground import Ground
 from linework.model.lines import LineSet
@@ -83,7 +84,7 @@ def find_lines_of_drives(
     Returns
     -------
     Extraction
-        That of `find_lines` where there is nothing to adjust: one drive, no two drives over one road, no times or
+        That of `find_lines` where there is nothing to adjust: methods as published, which take points as they are, one drive, no two drives over one road, no times or
         trajectory, no common lines. Otherwise the sigmas of lines have what the drives there still have in common, and
         `drives` says what was corrected.
 
@@ -102,7 +103,8 @@ def find_lines_of_drives(
 
     opened = recordings.points
     path = None if opened is None else opened.trajectory
-    if not adjust or opened is None or path is None or not opened.points.has_time:
+    as_published = any(method.name in PUBLISHED_KINDS_OF for method in methods)
+    if not adjust or as_published or opened is None or path is None or not opened.points.has_time:
         return found_in(recordings, methods, run, ground)
     drives = separate_drives(path)
     if not share_road(drives):
