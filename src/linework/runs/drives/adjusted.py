@@ -6,6 +6,7 @@ import hashlib
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -95,11 +96,17 @@ def find_lines_of_drives(
     everything else follows as for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
     """
     chosen, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
+    # The correction, and with it every line, must not depend on the tiles
+    for_ties = replace(chosen, tiling=RunSettings().tiling)
 
     def found_in(
-        them: Recordings, by: Sequence[Method], where: RunFolder, own: Ground | GroundFinder | None
+        them: Recordings,
+        by: Sequence[Method],
+        where: RunFolder,
+        own: Ground | GroundFinder | None,
+        using: RunSettings = chosen,
     ) -> Extraction:
-        return find_lines(them, by, where, settings=chosen, ground=own, executor=executor, steps=steps)
+        return find_lines(them, by, where, settings=using, ground=own, executor=executor, steps=steps)
 
     opened = recordings.points
     path = None if opened is None else opened.trajectory
@@ -114,7 +121,8 @@ def find_lines_of_drives(
     )
     tying = [method for method in named if method.recording == "points"]
     lines = [
-        _lines_of_drive(recordings, drive, tying, run, i, found_in, steps) for i, drive in enumerate(drives)
+        _lines_of_drive(recordings, drive, tying, run, i, partial(found_in, using=for_ties), steps)
+        for i, drive in enumerate(drives)
     ]
     with steps.step("adjust drives"):
         adjusted = adjusted_drives(drives, path, lines)
