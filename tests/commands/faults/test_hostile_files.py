@@ -202,7 +202,9 @@ def positions_of_cloud(path):
     if path.name not in BINARY_CLOUDS:
         return np.array([row.split()[:3] for row in points.splitlines()[:count]], dtype=float)
     size, stored = BINARY_CLOUDS[path.name]
-    rows = np.frombuffer(points[: count * size], dtype={"names": ["xyz"], "formats": [f"3{stored}"], "itemsize": size})
+    rows = np.frombuffer(
+        points[: count * size], dtype={"names": ["xyz"], "formats": [f"3{stored}"], "itemsize": size}
+    )
     return rows["xyz"].astype(float)
 
 
