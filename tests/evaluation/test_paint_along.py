@@ -7,7 +7,8 @@ import pytest
 from tests.conftest import CRS
 
 from linework.crs import parse_crs
-from linework.evaluation.chainage.paint_along import paint_samples
+from linework.evaluation.chainage.paint_along import paint_left, paint_samples
+from linework.evaluation.chainage.paint_changes import paint_changes
 from linework.evaluation.chainage.paint_points import paint_pieces
 from linework.evaluation.chainage.rows import chainage_report
 from linework.files.las.write import write_las
@@ -140,3 +141,69 @@ def test_the_command_reads_the_points_where_the_lines_are(linework, tmp_path):
         found = linework("report", tmp_path / "lines.gpkg", "-o", tmp_path / "q.csv", *wrong)
         assert found.code in (2, 3) and problem in found.line
         assert not (tmp_path / "q.csv").exists()
+
+
+def worn_from(cloud, worn, x_m):
+    """Points of one survey up to a place, of another beyond it."""
+    parts = cloud.take(cloud.xyz[:, 0] < x_m), worn.take(worn.xyz[:, 0] >= x_m)
+    return Points(
+        np.concatenate([p.xyz for p in parts]), intensity=np.concatenate([p.intensity for p in parts])
+    )
+
+
+def test_the_paint_left_of_pieces_is_that_of_the_samples():
+    pieces = paint_pieces(marking(), within(points(0.7)))
+    left, sigma = paint_left(pieces)
+    assert np.array_equal(np.column_stack([left, sigma]), measured(marking(), points(0.7))["remaining_paint"])
+
+
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_paint_that_was_worn_away_or_renewed_is_found_and_other_paint_is_not(seed):
+    whole, worn = points(0.95, seed=seed), points(0.55, seed=seed + 10, road=60.0)
+    old = paint_pieces(marking(), within(whole))
+    # Another scanner with a gain of its own, a few centimetres beside
+    again = points(0.95, seed=seed + 1, road=60.0)
+    assert paint_changes(marking(), old, paint_pieces(marking(), within(again))) == []
+    new = paint_pieces(marking(), within(worn_from(again, worn, 20.0)))
+    (change,) = paint_changes(marking(), old, new)
+    assert (change.from_m, change.to_m) == (pytest.approx(20.0, abs=2.1), pytest.approx(40.0, abs=2.1))
+    assert abs(change.before - 95) < 5 and abs(change.after - 55) < 5
+    (renewed,) = paint_changes(marking(), new, old)
+    assert renewed.after > renewed.before + 30
+
+
+def test_unknown_paint_is_no_change():
+    pieces = paint_pieces(marking(), within(points(0.95)))
+    unknown = paint_pieces(marking(), within(points(0.0)))
+    assert paint_changes(marking(), pieces, unknown) == []
+    assert paint_changes(marking(), pieces.empty(), pieces) == []
+
+
+def test_compare_takes_the_points_of_both_surveys(linework, tmp_path):
+    lines = marking().with_columns(crs=parse_crs("EPSG:25832"))
+    shifted = LineSet.from_lines(
+        [lines.xyz + ORIGIN],
+        kind="lane_marking",
+        id="middle",
+        pattern="solid",
+        width_m=WIDTH_M,
+        crs="EPSG:25832",
+    )
+    old, worn = points(0.95), points(0.5, seed=12)
+    for name, cloud in (("old", old), ("new", worn_from(old, worn, 10.0))):
+        (tmp_path / name).mkdir()
+        write_lines(shifted, tmp_path / f"{name}.gpkg")
+        write_las(
+            Points(cloud.xyz + ORIGIN, intensity=cloud.intensity), tmp_path / name / "points.laz", crs=CRS
+        )
+    both = ["--old-survey", tmp_path / "old", "--new-survey", tmp_path / "new"]
+    call = ["compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / "c.csv", "--quiet"]
+    done = linework(*call, *both)
+    assert done.code == 0, done.stderr
+    (row,) = [line for line in (tmp_path / "c.csv").read_text().splitlines() if "remaining paint" in line]
+    assert row.startswith("changed,lane_marking,middle")
+    assert not list(tmp_path.rglob("*.tmp"))
+    alone = linework(*call, "--overwrite", *both[:2])
+    assert (alone.code, alone.line) == (
+        2, "error: paint is compared between the points of both surveys. Give --new-survey too."
+    )  # fmt: skip

@@ -15,8 +15,17 @@ from scipy.spatial import cKDTree
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
 from linework.crs import describe_crs, same_crs
 from linework.errors import CrsError
+from linework.evaluation.chainage.paint_changes import paint_changes
+from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.dash_changes import dash_runs
-from linework.evaluation.shifts import Chance, least_deviations, related_of, scale_of, shifted_runs
+from linework.evaluation.shifts import (
+    FALSE_PER_KM,
+    Chance,
+    least_deviations,
+    related_of,
+    scale_of,
+    shifted_runs,
+)
 from linework.lines.along import line_stretch, runs_of
 from linework.lines.crosscuts import Axis, axis_along, cross_cuts
 from linework.model.lines import LineSet
@@ -25,8 +34,6 @@ from linework.model.lines import LineSet
 SAME_M = 1.5
 #: Length of a piece over which differences are averaged before they are judged. [m]
 _PIECE_M = 5.0
-#: A line has moved over stretches whose differences chance gives this often in a kilometre of road.
-_FALSE_PER_KM = 0.25
 #: Size of a cell with one registration, and the distance from its middle of the lines that it is from: navigation errors
 #: change over some 10 s of driving, by a tenth of that within a cell. [m]
 _CELL_M, _WINDOW_M = 25.0, 60.0
@@ -122,8 +129,17 @@ class _Stations:
     visible: BoolArray
 
 
-def compare_epochs(old: LineSet, new: LineSet) -> tuple[list[EpochChange], Registration]:
+def compare_epochs(
+    old: LineSet, new: LineSet, paint: tuple[PaintPieces, PaintPieces] | None = None
+) -> tuple[list[EpochChange], Registration]:
     """Return the changes from an old to a new survey of the same road, and their registration.
+
+    Parameters
+    ----------
+    old, new
+        Lines of both surveys.
+    paint
+        What the points of each show on its markings (`paint_pieces`): wear and renewed paint are changes too.
 
     Raises
     ------
@@ -140,11 +156,14 @@ def compare_epochs(old: LineSet, new: LineSet) -> tuple[list[EpochChange], Regis
     if not same_crs(old.crs, new.crs):
         raise CrsError(f"two different CRSs: {describe_crs(old.crs)} and {describe_crs(new.crs)}",
                        where="the new lines", advice="convert one of them")  # fmt: skip
-    paint = [
-        _of_dashes(lines, run, what)
+    of_paint = [
+        _of_paint(lines, line, from_m, to_m, f"{n} dashes {what}")
         for lines, other, what in ((old, new, "gone"), (new, old, "new"))
-        for run in dash_runs(lines, other)
+        for line, from_m, to_m, n in dash_runs(lines, other)
     ]
+    for worn in paint_changes(old, *paint) if paint is not None else ():
+        what = f"remaining paint {worn.before:.0f} to {worn.after:.0f} %"
+        of_paint.append(_of_paint(old, worn.line, worn.from_m, worn.to_m, what))
     old, new = (s.take(~np.isin(s.kind, _PARTS) & (s.length_m > 0)) for s in (old, new))
     there, back = _stations(old, new), _stations(new, old)
     registration = _registered(there)
@@ -156,15 +175,12 @@ def compare_epochs(old: LineSet, new: LineSet) -> tuple[list[EpochChange], Regis
         alone = (back.line == i) & (back.partner < 0) & ~back.bridged
         changes += _stretches(new, back, i, alone & back.visible, "new")
         changes += _stretches(new, back, i, alone & ~back.visible, "not visible", what="in the old survey")
-    return changes + paint, registration
+    return changes + of_paint, registration
 
 
-def _of_dashes(lines: LineSet, run: tuple[int, float, float, int], what: str) -> EpochChange:
-    line, from_m, to_m, n = run
-    none = (math.nan,) * 4
-    return EpochChange(
-        "changed", line_stretch(lines.take([line]), from_m, to_m), from_m, to_m, *none, f"{n} dashes {what}"
-    )
+def _of_paint(lines: LineSet, line: int, from_m: float, to_m: float, what: str) -> EpochChange:
+    piece = line_stretch(lines.take([line]), from_m, to_m)
+    return EpochChange("changed", piece, from_m, to_m, math.nan, math.nan, math.nan, math.nan, what)
 
 
 def _stations(lines: LineSet, others: LineSet) -> _Stations:
@@ -328,7 +344,7 @@ def _moved_pieces(old: LineSet, stations: _Stations, registration: Registration)
         }
         related = related_of([size[rows, axis] / scale[str(kinds[rows[0]])] for rows in rows_of])
         chances = {kind: Chance(value, related) for kind, value in scale.items()}
-        least = least_deviations(len(pieces), related, 0.5 * _FALSE_PER_KM * road_km)
+        least = least_deviations(len(pieces), related, 0.5 * FALSE_PER_KM * road_km)
         for rows in rows_of:
             for a, b in shifted_runs(size[rows, axis], chances[str(kinds[rows[0]])], least):
                 is_moved[rows[a : b + 1]] = True

@@ -17,6 +17,8 @@ import numpy as np
 
 from linework.arrays import FloatArray
 
+#: A line has changed over stretches whose differences chance gives this often in a kilometre of road.
+FALSE_PER_KM = 0.25
 #: Fewest differences from which their scale and relation are taken; with fewer, the stated deviations hold.
 _FEWEST = 30
 #: Least scale: differences far below their stated deviations are of copies, not of measurements.

@@ -42,17 +42,33 @@ def paint_samples(lines: LineSet, axis: Axis, pieces: PaintPieces) -> Iterator[S
         return
     tree = cKDTree(axis.xyz[:, :2])
     away, station = tree.query(pieces.xy)
-    for number in np.unique(pieces.line).tolist():
-        rows = np.flatnonzero(pieces.line == number)
-        on, beside = pieces.on[rows].sum(axis=0), pieces.beside[rows].sum(axis=0)
-        whole = _whole_paint(on, beside)
-        mistaken = _mistaken(on, beside, whole)
+    for rows, whole, mistaken in _by_marking(pieces):
+        number = int(pieces.line[rows[0]])
         name = str(lines.id[number]) or f"line {number + 1}"
         for row in rows[away[rows] <= _FAR_M].tolist():
             i = int(station[row])
             s, offset = float(axis.station_m[i]), float((pieces.xy[row] - axis.xyz[i, :2]) @ axis.left[i])
             for quantity, (value, sigma) in _measured(pieces, row, whole, mistaken).items():
                 yield Sample(s, offset, "marking", quantity, name, value, sigma)
+
+
+def paint_left(pieces: PaintPieces) -> tuple[FloatArray, FloatArray]:
+    """Return the share of paint left in each piece and its standard deviation, (p,) each [%]; NaN where unknown."""
+    left = np.full((2, len(pieces)), np.nan)
+    for rows, whole, mistaken in _by_marking(pieces):
+        for row in rows.tolist():
+            share, sigma = _measured(pieces, row, whole, mistaken)["remaining_paint"]
+            left[:, row] = math.nan if share is None else share, sigma
+    return left[0], left[1]
+
+
+def _by_marking(pieces: PaintPieces) -> Iterator[tuple[IntArray, float | None, tuple[float, float]]]:
+    """Yield the pieces of each marking, the brightness of its whole paint, and how often noise crosses the middle."""
+    for number in np.unique(pieces.line).tolist():
+        rows = np.flatnonzero(pieces.line == number)
+        on, beside = pieces.on[rows].sum(axis=0), pieces.beside[rows].sum(axis=0)
+        whole = _whole_paint(on, beside)
+        yield rows, whole, _mistaken(on, beside, whole)
 
 
 def _whole_paint(on: IntArray, beside: IntArray) -> float | None:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linework.cli.options import Crs, Overwrite
+from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, WorkFolder
 from linework.cli.said import say
 
 
@@ -26,20 +26,37 @@ def compare_command(
             "--report", metavar="FILE", help="Also write a page with a map, figures and a table: .html."
         ),
     ] = None,
+    old_survey: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--old-survey", metavar="SURVEY", help="Points of OLD, to find worn paint. Can be repeated."
+        ),
+    ] = None,
+    new_survey: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--new-survey", metavar="SURVEY", help="Points of NEW, to find worn paint. Can be repeated."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
+    work: WorkFolder = None,
+    quiet: Quiet = False,
 ) -> None:
     """Find what has changed from OLD to NEW: new, gone, moved and changed lines.
 
     The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
-    see a line of OLD, that is reported as not visible.
+    see a line of OLD, that is reported as not visible. With the points of both surveys, stretches with less or more paint
+    than before are changes too.
     """
     import contextlib
     import math
     from collections import Counter
 
+    from linework.cli.commands.of_lines.paint import paint_of_survey
     from linework.cli.failures import warn
-    from linework.errors import UsageError, check_extra
+    from linework.errors import UsageError, argument, check_extra
     from linework.evaluation.epochs import compare_epochs
     from linework.files.maps.row_tables import write_rows
     from linework.files.output.locks import reserve_output
@@ -52,6 +69,11 @@ def compare_command(
         )
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
+    if bool(old_survey) != bool(new_survey):
+        missing = "new_survey" if old_survey else "old_survey"
+        raise UsageError(
+            "paint is compared between the points of both surveys", advice=f"give {argument(missing)} too"
+        )
     if suffix == ".xlsx" or report is not None:
         check_extra("reports", where=report or output)
     with contextlib.ExitStack() as held:
@@ -60,7 +82,15 @@ def compare_command(
         before, after = (read_usable_lines(path, crs=crs) for path in (old, new))
         for left_out in filter(None, (before[1], after[1])):
             warn(left_out)
-        changes, registration = compare_epochs(before[0], after[0])
+        paint = None
+        if old_survey and new_survey:
+            given = (before[0], old_survey, "old_survey"), (after[0], new_survey, "new_survey")
+            old_paint, new_paint = (
+                paint_of_survey(*one, crs=crs, allow_outside=allow_outside, work=work, quiet=quiet)
+                for one in given
+            )
+            paint = old_paint, new_paint
+        changes, registration = compare_epochs(before[0], after[0], paint)
         names = (
             "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",
         )  # fmt: skip

@@ -6,16 +6,12 @@ Separate from the other commands, as every command has its own file.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, WorkFolder
 from linework.cli.said import say
-
-if TYPE_CHECKING:
-    from linework.evaluation.chainage.paint_points import PaintPieces
-    from linework.model.lines import LineSet
 
 
 def report_command(
@@ -57,6 +53,7 @@ def report_command(
     """
     import dataclasses
 
+    from linework.cli.commands.of_lines.paint import paint_of_survey
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
     from linework.evaluation.chainage.routes import own_routes, route_of_path, routes_of_file
@@ -93,7 +90,9 @@ def report_command(
             axes = own_routes(found)
             named = "the lines themselves: " + ", ".join(axis.name for axis in axes)
         paint = (
-            _paint(found, survey, crs=crs, allow_outside=allow_outside, work=work, quiet=quiet)
+            paint_of_survey(
+                found, survey, "survey", crs=crs, allow_outside=allow_outside, work=work, quiet=quiet
+            )
             if survey
             else None
         )
@@ -119,47 +118,3 @@ def report_command(
                 names, rows, pieces, found.crs, output, layer="chainage", by="topic", overwrite=overwrite
             )
     say(f"{len(result.rows):,} rows in {output}; chainage along {named}")
-
-
-def _paint(
-    lines: LineSet, paths: list[Path], *, crs: str | None, allow_outside: bool, work: Path | None, quiet: bool
-) -> PaintPieces:
-    """Return what the points of a survey show on the markings."""
-    import contextlib
-
-    from linework.cli.failures import warn
-    from linework.crs import describe_crs, same_plan
-    from linework.errors import InputError, argument
-    from linework.evaluation.chainage.paint_points import paint_pieces
-    from linework.files.survey.open import open_survey
-    from linework.library.progress import open_display
-    from linework.runs.opened.recordings import opened_recordings
-    from linework.runs.opened.store import usable_cores
-    from linework.runs.opened.work_folder import work_folder
-    from linework.runs.steps import RunSteps
-
-    with contextlib.ExitStack() as held:
-        steps = RunSteps(held.enter_context(open_display(quiet=quiet)))
-        survey = open_survey(paths, crs=crs, allow_outside=allow_outside)
-        if lines.crs != survey.crs and not same_plan(survey.crs, lines.crs):
-            raise InputError(
-                f"is in {describe_crs(survey.crs)}, the lines in {describe_crs(lines.crs)}", where=paths[0],
-                advice="name the survey from which the lines are",
-            )  # fmt: skip
-        folder = work_folder(survey.root, work)
-        recordings = held.enter_context(
-            opened_recordings(survey, folder, images=False, n_threads=usable_cores(), steps=steps)
-        )
-        if recordings.points is None or not recordings.points.facts.has_intensity:
-            raise InputError(
-                "has no points with intensities", where=paths[0], advice=f"leave {argument('survey')} out"
-            )
-        for warning in recordings.warnings:
-            warn(warning)
-        store = recordings.points.points
-        with steps.step("look at the paint", unit="tiles") as advance:
-            return paint_pieces(
-                lines,
-                lambda area: store.points(area, ordered=False, with_columns=False),
-                advance,
-            )

@@ -1,0 +1,77 @@
+"""What the points of a survey show on its markings, for commands on lines.
+
+Separate from the commands, as `report` and `compare` both need it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from linework.evaluation.chainage.paint_points import PaintPieces
+    from linework.model.lines import LineSet
+
+
+def paint_of_survey(
+    lines: LineSet,
+    paths: list[Path],
+    option: str,
+    *,
+    crs: str | None,
+    allow_outside: bool,
+    work: Path | None,
+    quiet: bool,
+) -> PaintPieces:
+    """Return what the points of a survey show on the markings.
+
+    Parameters
+    ----------
+    lines
+        Lines of the survey.
+    paths
+        Its points, given by the option of this name.
+
+    Raises
+    ------
+    InputError
+        It is in another CRS than the lines, or has no intensities.
+    """
+    import contextlib
+
+    from linework.cli.failures import warn
+    from linework.crs import describe_crs, same_plan
+    from linework.errors import InputError, argument
+    from linework.evaluation.chainage.paint_points import paint_pieces
+    from linework.files.survey.open import open_survey
+    from linework.library.progress import open_display
+    from linework.runs.opened.recordings import opened_recordings
+    from linework.runs.opened.store import usable_cores
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import RunSteps
+
+    with contextlib.ExitStack() as held:
+        steps = RunSteps(held.enter_context(open_display(quiet=quiet)))
+        survey = open_survey(paths, crs=crs, allow_outside=allow_outside)
+        if lines.crs != survey.crs and not same_plan(survey.crs, lines.crs):
+            raise InputError(
+                f"is in {describe_crs(survey.crs)}, the lines in {describe_crs(lines.crs)}", where=paths[0],
+                advice="name the survey from which the lines are",
+            )  # fmt: skip
+        folder = work_folder(survey.root, work)
+        recordings = held.enter_context(
+            opened_recordings(survey, folder, images=False, n_threads=usable_cores(), steps=steps)
+        )
+        if recordings.points is None or not recordings.points.facts.has_intensity:
+            raise InputError(
+                "has no points with intensities", where=paths[0], advice=f"leave {argument(option)} out"
+            )
+        for warning in recordings.warnings:
+            warn(warning)
+        store = recordings.points.points
+        with steps.step("look at the paint", unit="tiles") as advance:
+            return paint_pieces(
+                lines,
+                lambda area: store.points(area, ordered=False, with_columns=False),
+                advance,
+            )
