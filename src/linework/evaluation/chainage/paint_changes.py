@@ -18,17 +18,15 @@ from linework.evaluation.shifts import (
     FALSE_PER_KM,
     Chance,
     least_deviations,
-    related_of,
-    scale_of,
     shifted_runs,
 )
 from linework.model.lines import LineSet
 
 #: Pieces of both surveys this near show the same paint: half the length of a piece, and what surveys are apart. [m]
 _SAME_M = 1.5
-#: What remaining paint errs by however many pieces are taken, as all share one brightness of whole paint: rms over 10 m of
-#: simulated roads (docs/report.md, seeds 2521 and 2522, 2026-11-23). [%]
-_COMMON_SIGMA = 4.8
+#: Length of a stretch that is judged, and what remaining paint errs by over it, from all causes: rms on simulated roads
+#: (docs/report.md, seeds 2521 and 2522, 2026-11-23). [m, %]
+_STRETCH_M, _STRETCH_SIGMA = 10.0, 4.8
 #: Side of the cells that are counted for the length of the road. [m]
 _CELL_M = 25.0
 
@@ -69,36 +67,40 @@ def paint_changes(lines: LineSet, old: PaintPieces, new: PaintPieces) -> list[Pa
 
     Notes
     -----
-    Differences of pieces are judged as moves of lines are, see `shifts`; the mean of a stretch also exceeds 1.96 standard
-    deviations of what all pieces of a marking err by together.
+    Means over 10 m are judged as moves of lines are, see `shifts`, but by their stated deviations: all paint of a road may
+    have worn, so that differences between surveys do not tell what chance is. As the pieces of a marking share one
+    brightness of whole paint, the mean of a run must also exceed 1.96 deviations of a single stretch.
     """
     before, sigma_before, after, sigma_after, own = _pairs(old, new)
     if not len(own):
         return []
-    sigma = np.hypot(sigma_before, sigma_after)
-    rows_of, along_of = [], []
+    judged = []
     for number in np.unique(old.line[own]).tolist():
         rows = np.flatnonzero(old.line[own] == number)
         line = shapely.linestrings(lines[number].xyz[:, :2])
         along = shapely.line_locate_point(line, shapely.points(old.xy[own[rows]]))
-        order = np.argsort(along, kind="stable")
-        rows_of.append(rows[order])
-        along_of.append(along[order])
-    sequences = [(after[rows] - before[rows]) / sigma[rows] for rows in rows_of]
-    scale = scale_of(sequences)
-    chance = Chance(scale, related_of([s / scale for s in sequences]))
+        at, stretch, count = np.unique(along // _STRETCH_M, return_inverse=True, return_counts=True)
+        variance = sigma_before[rows] ** 2 + sigma_after[rows] ** 2
+        noise = np.sqrt(np.bincount(stretch, weights=variance)) / count
+        judged.append((
+            number, _STRETCH_M * at, np.bincount(stretch, weights=before[rows]) / count,
+            np.bincount(stretch, weights=after[rows]) / count, np.hypot(noise, np.sqrt(2.0) * _STRETCH_SIGMA),
+        ))  # fmt: skip
+    chance = Chance(1.0, np.zeros(0))
+    n_stretches = sum(len(one[1]) for one in judged)
     road_km = len(np.unique(np.floor(old.xy[own] / _CELL_M), axis=0)) * _CELL_M / 1000.0
-    least = least_deviations(len(own), chance.related, FALSE_PER_KM * road_km)
+    least = least_deviations(n_stretches, chance.related, FALSE_PER_KM * road_km)
     found = []
-    for rows, along, sequence in zip(rows_of, along_of, sequences, strict=True):
-        for a, b in shifted_runs(sequence, chance, least):
-            run, half = rows[a : b + 1], 0.5 * old.length_m[own[rows[[a, b]]]]
-            values = float(before[run].mean()), float(after[run].mean())
-            by_chance = chance.deviation(len(run)) * float(np.sqrt(np.mean(sigma[run] ** 2)))
-            deviation = float(np.hypot(by_chance, np.sqrt(2.0) * _COMMON_SIGMA))
+    for number, at, was, now, sigma in judged:
+        for a, b in shifted_runs((now - was) / sigma, chance, least):
+            run = slice(a, b + 1)
+            values, deviation = (
+                (float(was[run].mean()), float(now[run].mean())),
+                float(np.sqrt(np.mean(sigma[run] ** 2))),
+            )
             if abs(values[1] - values[0]) > 1.96 * deviation:
-                ends = max(float(along[a] - half[0]), 0.0), float(along[b] + half[1])
-                found.append(PaintChange(int(old.line[own[run[0]]]), *ends, *values, deviation))
+                end = min(float(at[b]) + _STRETCH_M, float(lines.length_m[number]))
+                found.append(PaintChange(number, float(at[a]), end, *values, deviation))
     return found
 
 
