@@ -37,6 +37,11 @@ SHORT_M = 1.5
 ON_CABLE_M, CLUTTER_M = 0.3, 1.5
 #: Half the width of paint, with the scatter of the points [m]; points on 1.5 m that are too few to show a line.
 ON_PAINT_M, FEW_POINTS = 0.15, 5
+#: Windows along lines and along shorter paint in which it is compared with the road, half of each [m]; half the width of the narrowest line, less
+#: the edge [m]; the road beside lines up to 0.3 m wide, from and to [m]; fewest points of each.
+WINDOW_M, SHORT_WINDOW_M, ON_STRIPE_M, BESIDE_STRIPE_M, FEWEST_COMPARED = 2.0, 0.75, 0.04, (0.16, 0.46), 4
+#: Offsets that are tried, as far as a reference may be off [m]; t-value below which paint does not stand out from its road.
+STRIPE_OFFSETS_M, LEAST_STRIPE_T = (-0.06, -0.03, 0.0, 0.03, 0.06), 4.0
 #: A cable needs points of this many scan lines to be more than what one beam hit.
 FEW_SCAN_LINES = 3
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
@@ -191,6 +196,7 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
         stripe, other = stages.of_forms(BoxForm.STRIPE), stages.of_forms(BoxForm.OTHER_PAINT)
         kerbs = of_kinds(stages.tracked.take(stages.tracked.form == "kerb"), "road_boundary")
         seen = is_near(missed, stripe, BOX_M)
+        window_m = WINDOW_M if kind == "lane_marking" else SHORT_WINDOW_M
         causes += [
             (THROWN_AWAY[kind], is_near(missed, before, OFF_M)),
             ("seen, thrown away beside a kerb", seen & is_near(missed, kerbs, THING_M)),
@@ -199,6 +205,7 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
             ("seen as wide paint", is_near(missed, other, OFF_M, any_direction=True)),
             ("off what was taken for road", ~on_road(missed, stages.ground)),
             ("few points on it", n_points_on(missed, stages, ON_PAINT_M) < FEW_POINTS),
+            ("no brighter than the road beside it", ~stands_out(missed, stages, window_m)),
         ]
         return first_cause(causes, "not seen as paint")
     if kind in ("road_boundary", "kerb_top"):
@@ -286,6 +293,38 @@ def n_points_on(places: Places, stages: Stages, within_m: float) -> FloatArray:
         off = np.linalg.norm(away - np.outer(away @ places.along[i], places.along[i]), axis=1)
         counts.append(float((off <= within_m).sum()))
     return np.array(counts)
+
+
+def stands_out(places: Places, stages: Stages, window_m: float) -> BoolArray:
+    """Whether the points on each place are brighter than the road on both sides of it: direction known, offset nearly."""
+    held = np.zeros(len(places), dtype=np.bool_)
+    intensity = stages.points.intensity
+    if intensity is None or not len(places):
+        return held
+    xyz = stages.points.xyz
+    tree = cKDTree(xyz[:, :2])
+    reach_m = float(np.hypot(window_m, BESIDE_STRIPE_M[1] + max(STRIPE_OFFSETS_M)))
+    for i, near in enumerate(tree.query_ball_point(places.xyz[:, :2], reach_m)):
+        away = xyz[near] - places.xyz[i]
+        along = places.along[i, :2] / max(float(np.linalg.norm(places.along[i, :2])), 1e-12)
+        inside = (np.abs(away[:, :2] @ along) <= window_m) & (np.abs(away[:, 2]) <= ON_PAINT_M)
+        across = (away[:, 1] * along[0] - away[:, 0] * along[1])[inside]
+        brightness = intensity[near][inside].astype(np.float64)
+        held[i] = max(stripe_t(brightness, across - off) for off in STRIPE_OFFSETS_M) >= LEAST_STRIPE_T
+    return held
+
+
+def stripe_t(brightness: FloatArray, across: FloatArray) -> float:
+    """Difference of the points (n,) on a line and those on its brighter side, over its standard deviation."""
+    from_m, to_m = BESIDE_STRIPE_M
+    on = brightness[np.abs(across) <= ON_STRIPE_M]
+    sides = [brightness[(s * across >= from_m) & (s * across <= to_m)] for s in (1.0, -1.0)]
+    if min(len(on), *map(len, sides)) < FEWEST_COMPARED:
+        return -np.inf
+    return min(
+        float((on.mean() - side.mean()) / max(np.sqrt(on.var() / len(on) + side.var() / len(side)), 1e-9))
+        for side in sides
+    )
 
 
 def is_beyond_edge(places: Places, truth: LineSet, path: FloatArray) -> BoolArray:

@@ -39,10 +39,12 @@ def boxes(form: BoxForm, y: float, x: tuple[float, float] = (0.0, 40.0)) -> BoxS
     return BoxSet(centre=centre, u=u, form=np.full(len(at), form, dtype=np.int8))
 
 
-def points(x_step: float = 0.05) -> Points:
-    """Points on the line at y = 3, dense enough to show it."""
-    x = np.arange(0.0, 40.0, x_step)
-    return Points(np.column_stack([x, np.full_like(x, 3.0), np.zeros_like(x)]))
+def points(x_step: float = 0.05, paint: float = 90.0) -> Points:
+    """Points on the line at y = 3, dense enough to show it, and on the road beside it, which is 40 bright."""
+    x, y = np.meshgrid(np.arange(0.0, 40.0, x_step), [2.7, 3.0, 3.3])
+    speckle = np.where(np.arange(x.size) % 2 == 0, 2.0, -2.0)
+    intensity = np.where(y.ravel() == 3.0, paint, 40.0) + speckle
+    return Points(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), intensity=intensity)
 
 
 def stages(**changes) -> Stages:
@@ -65,6 +67,8 @@ TRUTH = line("lane_marking", 3.0)
     ("cause", "found", "of"),
     [
         ("not seen as paint", NOTHING, {}),
+        ("no brighter than the road beside it", NOTHING, {"points": points(paint=40.0)}),
+        ("no brighter than the road beside it", NOTHING, {"points": points(paint=20.0)}),
         ("few points on it", NOTHING, {"points": points(0.5)}),
         ("off what was taken for road", NOTHING, {"ground": ground(road=False)}),
         ("seen as wide paint", NOTHING, {"boxes": boxes(BoxForm.OTHER_PAINT, 3.1)}),
