@@ -316,6 +316,7 @@ EXTRAS = {
     "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL", "xlsxwriter")),
     "cad": ("DXF files", ("ezdxf",)),
     "postgis": ("PostGIS databases", ("psycopg",)),
+    "e57": ("E57 files", ("pye57",)),
     "parquet": ("GeoParquet files", ("pyarrow",)),
     "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),
 }

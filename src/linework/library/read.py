@@ -124,7 +124,7 @@ def read_trajectory(src: GivenSource, *, crs: Any = None, allow_outside: bool = 
 
 
 def _is_trajectory_file(path: Path) -> bool:
-    is_laser = path.suffix.lower() in (".las", ".laz", ".ply", ".pcd", ".toml")
+    is_laser = path.suffix.lower() in (".las", ".laz", ".ply", ".pcd", ".e57", ".toml")
     return path.is_file() and not is_laser
 
 

@@ -152,7 +152,9 @@ def test_a_hostile_file_is_refused(linework, no_output, name):
     expected = REFUSED.get(name)
     if expected is None:
         assert suffix in OTHER_SUFFIXES, "no expectation for this file"
-        expected = f"suffix '{suffix}', expected .las, .laz, .ply, .pcd or survey.toml. Convert it to .laz."
+        expected = (
+            f"suffix '{suffix}', expected .las, .laz, .ply, .pcd, .e57 or survey.toml. Convert it to .laz."
+        )
     found = linework("extract", HOSTILE / name, "-o", no_output, "--quiet", "--crs", "local")
     assert (found.code, found.line) == (3, f"error: {HOSTILE / name}: {expected}")
 

@@ -260,7 +260,7 @@ def test_lzf_with_any_byte_changed_never_grows():
 
 def test_unknown_suffixes_name_those_that_are_read(tmp_path):
     (tmp_path / "a.xyz").write_text("1 2 3")
-    with pytest.raises(InputError, match=r"expected \.las, \.laz, \.ply, \.pcd or survey\.toml"):
+    with pytest.raises(InputError, match=r"expected \.las, \.laz, \.ply, \.pcd, \.e57 or survey\.toml"):
         read_points(tmp_path / "a.xyz")
 
 

@@ -80,3 +80,10 @@ def test_layers_of_every_drawing_and_shared_ones_keep_the_looks_of_their_rows(tm
     assert second.dxf.linetype == "LINEWORK_DASHED"
     assert document.layers.get("0").rgb == (0, 0, 255)
     assert not document.audit().errors
+
+
+def test_a_table_of_another_encoding_is_refused(tmp_path):
+    path = tmp_path / "codes.csv"
+    path.write_bytes("kind,layer\nkerb_top,BORDÜRE\n".encode("latin-1"))
+    with pytest.raises(InputError, match=r"codes\.csv: is not UTF-8 text"):
+        read_cad_codes(path)

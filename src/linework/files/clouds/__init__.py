@@ -1,1 +1,1 @@
-"""Points in formats of scanners and robots (PLY, PCD), read as those of laser files are."""
+"""Points in formats of scanners and robots (PLY, PCD, E57), read as those of laser files are."""

@@ -20,7 +20,8 @@ from linework.model.points import FARTHEST_COORDINATE_M
 
 #: Coarsest step of coordinates: a tenth of what lines are asked to be right to. [m]
 _COARSEST_M = 1e-3
-_MOST_INTENSITY = 65_535
+#: Largest intensity of a laser file.
+MOST_INTENSITY = 65_535
 #: Intensities of which this share is from 0 to 1 are shares of full scale; the others are beyond it. [share]
 _MOST_OF_THEM = 0.99
 #: Longest line of text [characters]: a point has some ten numbers.
@@ -38,17 +39,20 @@ def read_cloud_batches(
         Points are missing, cannot be read, or have coordinates that 32-bit numbers round to more than a millimetre.
     """
     table = header.cloud
-    assert table is not None
+    assert isinstance(table, CloudTable)
     factor = _intensity_factor(path, header, table, batch_points)
     for rows in _checked(path, header, table, batch_points):
         xyz = np.stack([rows[name].astype(np.float64) for name in table.xyz], axis=1)
-        _check_steps(path, table, xyz)
+        # Text has the digits that it has, whatever type its header names
+        if table.encoding != "text":
+            coarse = [i for i, name in enumerate(table.xyz) if table.row[name] in ("<f4", ">f4")]
+            check_steps(path, xyz, coarse)
         xyz *= np.array([factors[0], factors[0], factors[1]])
         n = len(rows)
         intensity = np.zeros(n, dtype=np.uint16)
         if table.intensity:
             values = np.nan_to_num(rows[table.intensity].astype(np.float64) * factor)
-            intensity[:] = np.clip(np.rint(values), 0, _MOST_INTENSITY)
+            intensity[:] = np.clip(np.rint(values), 0, MOST_INTENSITY)
         time = rows[table.time].astype(np.float64) if table.time else None
         columns = np.full((len(carry), n), np.nan, dtype=np.float32)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -65,15 +69,25 @@ def read_cloud_batches(
         )  # fmt: skip
 
 
-def _check_steps(path: Path, table: CloudTable, xyz: FloatArray) -> None:
-    coarse = [i for i, name in enumerate(table.xyz) if table.row[name] in ("<f4", ">f4")]
+def check_steps(path: Path, xyz: FloatArray, coarse: Sequence[int]) -> None:
+    """Refuse coordinates (n, 3) that were rounded to more than a millimetre.
+
+    Parameters
+    ----------
+    coarse
+        Which of the axes are 32-bit numbers.
+
+    Raises
+    ------
+    InputError
+        With the largest coordinate, and the step there.
+    """
     finite = np.abs(xyz[np.isfinite(xyz).all(axis=1)])
     if not len(finite) or not coarse:
         return
     largest = float(finite[finite.max(axis=1) < FARTHEST_COORDINATE_M][:, coarse].max(initial=0.0))
     step = float(np.spacing(np.float32(largest)))
-    # Text has the digits that it has, whatever type its header names
-    if step > _COARSEST_M and table.encoding != "text":
+    if step > _COARSEST_M:
         raise InputError(
             f"coordinates of up to {largest:,.0f} m as 32-bit numbers, which are {step:g} m apart: no offset was taken off",
             where=path, advice="write x, y and z as double, or less a whole offset",
@@ -94,7 +108,7 @@ def _intensity_factor(path: Path, header: LasHeader, table: CloudTable, n: int) 
         n_all += len(values)
         n_shares += int(np.count_nonzero((values >= 0.0) & (values <= 1.0)))
         n_whole += int(np.count_nonzero(values == np.rint(values)))
-    return float(_MOST_INTENSITY) if n_shares >= _MOST_OF_THEM * n_all and n_whole < n_all else 1.0
+    return float(MOST_INTENSITY) if n_shares >= _MOST_OF_THEM * n_all and n_whole < n_all else 1.0
 
 
 def _checked(path: Path, header: LasHeader, table: CloudTable, n_batch: int) -> Iterator[AnyArray]:

@@ -17,7 +17,7 @@ Encoding = Literal["text", "rows", "columns"]
 _INTENSITY = ("intensity", "scalar_intensity", "reflectance", "reflectivity", "i")
 _TIME = ("gps_time", "gpstime", "scalar_gps_time", "scalar_gpstime", "time", "timestamp", "t")
 #: Suffixes of the formats.
-CLOUD_SUFFIXES = (".ply", ".pcd")
+CLOUD_SUFFIXES = (".ply", ".pcd", ".e57")
 #: Most columns of a point, and bytes of a header: no scanner writes more, and both bound what is read of a damaged file.
 _MOST_COLUMNS, MOST_HEADER_BYTES = 256, 1 << 16
 DAMAGED_ADVICE = "copy the file again, or leave it out"

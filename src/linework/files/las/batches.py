@@ -51,9 +51,9 @@ class LasBatch:
         (n,) float64 [s] as stored, or None where the point format has no time.
     columns
         (k, n) float32: the further columns that were asked for; NaN where the file has none of that name.
-    is_noise, is_withheld, is_absurd, is_untimed
-        (n,) bool: of a noise class; withheld; coordinates outside any projected CRS; a time outside all known epochs.
-        None: no such point.
+    is_noise, is_withheld, is_absurd, is_untimed, is_missing
+        (n,) bool: of a noise class; withheld; coordinates outside any projected CRS; a time outside all known epochs; a
+        beam that the file says to have no return. None: no such point.
     """
 
     xyz: FloatArray
@@ -64,6 +64,7 @@ class LasBatch:
     is_withheld: BoolArray | None
     is_absurd: BoolArray | None
     is_untimed: BoolArray | None
+    is_missing: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.xyz)

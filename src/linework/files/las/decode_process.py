@@ -19,6 +19,8 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
+from linework.files.clouds.e57_header import E57Scans
+from linework.files.clouds.e57_points import read_e57_batches
 from linework.files.clouds.rows import read_cloud_batches
 from linework.files.las.batches import LasBatch, read_las_batches
 from linework.files.las.decoder_messages import Decoded, DecodeTask, error_message, json_message
@@ -146,9 +148,8 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendRep
 def _batches(task: DecodeTask, header: LasHeader) -> Generator[LasBatch, None, None]:
     """Return the batches of a file, in whatever format it is."""
     if header.cloud is not None:
-        return read_cloud_batches(
-            task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points
-        )
+        read = read_e57_batches if isinstance(header.cloud, E57Scans) else read_cloud_batches
+        return read(task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points)
     return read_las_batches(
         task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points,
         is_sequential=task.is_sequential,

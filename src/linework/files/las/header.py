@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+from linework.files.clouds.e57_header import E57Scans, e57_columns, read_e57_scans
 from linework.files.clouds.headers import read_cloud_table
 from linework.files.clouds.table import CLOUD_SUFFIXES, CloudTable
 from linework.files.input import open_input
@@ -51,7 +52,7 @@ class LasHeader:
     columns
         Further columns of the points by name, extra dimensions first.
     cloud
-        Of a PLY or PCD file: where its points are. Such a file has no scales, no box and no CRS.
+        Of a PLY, PCD or E57 file: where its points are. Such a file has no scales and no box; only E57 may have a CRS.
     """
 
     version: tuple[int, int]
@@ -68,7 +69,7 @@ class LasHeader:
     columns: Mapping[str, LasColumn]
     laz: LazTable | None
     warnings: tuple[str, ...]
-    cloud: CloudTable | None = None
+    cloud: CloudTable | E57Scans | None = None
 
     @property
     def has_time(self) -> bool:
@@ -84,13 +85,15 @@ class LasHeader:
 
 
 def read_las_header(path: Path) -> LasHeader:
-    """Read and check the header of a LAS, LAZ or COPC file, or of a PLY or PCD file.
+    """Read and check the header of a LAS, LAZ or COPC file, or of a PLY, PCD or E57 file.
 
     Raises
     ------
     InputError
         Not a regular LAS file, cut off, or a header that cannot be true; with the numbers.
     """
+    if path.suffix.lower() == ".e57":
+        return _e57_header(path)
     if path.suffix.lower() in CLOUD_SUFFIXES:
         return _cloud_header(path)
     with open_input(path) as file:
@@ -109,6 +112,17 @@ def _cloud_header(path: Path) -> LasHeader:
     return LasHeader(
         (0, 0), 1 if table.time else 0, table.row.itemsize, n_points, table.first_byte, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0),
         None, None, False, (), columns, None, warnings, table,
+    )  # fmt: skip
+
+
+def _e57_header(path: Path) -> LasHeader:
+    """Return the header of an E57 file as that of a laser file without scales and box."""
+    scans = read_e57_scans(path)
+    columns = {name: LasColumn(name, "<f4", 0) for name in e57_columns(scans)}
+    n_bytes = 8 * max((len(scan.fields) for scan in scans.scans), default=0)
+    return LasHeader(
+        (0, 0), 1 if scans.has_time else 0, n_bytes, scans.n_points, 0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), None, None,
+        False, scans.projection, columns, None, scans.warnings, scans,
     )  # fmt: skip
 
 

@@ -158,7 +158,8 @@ _LEAST_GPS_S = 1e9
 #: Above this share of impossible times, all of them are in another unit; below it, those points are damaged.
 _ODD_SHARE = 0.5
 #: Reasons for which points are left out.
-NOISE_CLASS, WITHHELD, _IMPOSSIBLE_TIME = "noise class", "withheld", "impossible time"
+NOISE_CLASS, WITHHELD, NO_RETURN = "noise class", "withheld", "without a return"
+_IMPOSSIBLE_TIME = "impossible time"
 
 
 def time_kind_of(low_s: float, high_s: float) -> TimeKind:
@@ -261,6 +262,7 @@ class LasTally:
         """Return which points are used (None: all), and count the others by the first reason that applies."""
         kept: BoolArray | None = None
         for reason, mask in (
+            (NO_RETURN, batch.is_missing),
             (NOISE_CLASS, None if self.keeps_noise else batch.is_noise),
             (WITHHELD, batch.is_withheld),
             ("absurd coordinates", batch.is_absurd),

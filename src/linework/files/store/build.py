@@ -15,7 +15,7 @@ from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.decoder_messages import Decoded, DecodeTask
 from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.repeats import repeated_elsewhere, repeats_message, sample_bits
-from linework.files.las.tally import DAY_S, NOISE_CLASS, WITHHELD, TimeCounts, TimeKind
+from linework.files.las.tally import DAY_S, NO_RETURN, NOISE_CLASS, WITHHELD, TimeCounts, TimeKind
 from linework.files.output.record import hash_file
 from linework.files.store.extent import refuse_degrees, stray_limits
 from linework.files.store.facts import FileFacts, StoreFacts, facts_document, facts_of_store
@@ -222,7 +222,8 @@ def left_out_warnings(results: Sequence[Decoded]) -> list[str]:
         rejected.update(result.n_rejected)
     n_points = sum(result.n_points for result in results) + rejected.total()
     n = rejected.total()
-    if n <= min(FEW_POINTS, FEW_SHARE * n_points):
+    # Half of the beams of a scanner on a tripod meet the sky
+    if n - rejected[NO_RETURN] <= min(FEW_POINTS, FEW_SHARE * n_points):
         return []
     reasons = ", ".join(f"{count:,} {reason}" for reason, count in sorted(rejected.items()))
     advice = {

@@ -45,7 +45,7 @@ def open_survey(
     Parameters
     ----------
     src
-        A .las, .laz, .copc.laz, .ply or .pcd file, a folder of them (of laser files only, if there are any), a pattern such as ``"points/*.laz"``, or several of these;
+        A .las, .laz, .copc.laz, .ply, .pcd or .e57 file, a folder of them (of laser files only, if there are any), a pattern such as ``"points/*.laz"``, or several of these;
         one folder with a survey.toml, or that file; one KITTI raw drive or odometry sequence.
     crs
         CRS where the files do not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local".

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from linework.errors import InputError
+from linework.files.input import read_input_text
 from linework.files.logs.tables import read_text_table
 from linework.model.lines import LineSet
 
@@ -18,6 +19,8 @@ from linework.model.lines import LineSet
 CHOOSING, GIVING = ("kind", "pattern", "role", "form"), ("layer", "code", "color", "linetype")
 #: Characters that DXF does not allow in the name of a layer, and its greatest length.
 _NOT_IN_NAMES, _LONGEST_NAME = '<>/\\":;?*|=,`', 255
+#: Largest table [bytes]: thousands of rows.
+_MAX_BYTES = 1 << 20
 LINETYPES = ("", "continuous", "dashed")
 
 
@@ -52,8 +55,10 @@ def read_cad_codes(path: Path) -> tuple[CadCode, ...]:
     Raises
     ------
     InputError
-        The file cannot be read, a column is missing, or a row is wrong; the message names its line.
+        The file cannot be read, is not UTF-8, a column is missing, or a row is wrong; the message names its line.
     """
+    # Read loosely, letters of another encoding would become other letters in names of layers
+    read_input_text(path, max_bytes=_MAX_BYTES, advice="keep one row for each kind of line")
     needed = ("kind", "layer")
     others = [name for name in CHOOSING + GIVING if name not in needed]
     table = read_text_table(path, needed, others)
