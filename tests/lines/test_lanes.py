@@ -119,6 +119,32 @@ def test_one_bridged_bound_lowers_the_confidence_and_two_end_the_lane():
     assert len(find_lanes(road(EDGE, CENTRE, bridged=np.ones(202, dtype=bool)))) == 0
 
 
+@pytest.mark.parametrize(("hidden_m", "n"), [(4, 1), (8, 2)])
+def test_a_lane_goes_on_over_a_few_metres_where_neither_bound_was_measured(hidden_m, n):
+    """A parked car hides both bounds at once; the mouth of a side street is wider."""
+    hidden = (X >= 40) & (40 + hidden_m > X)
+    lanes = find_lanes(road(EDGE, CENTRE, bridged=np.concatenate([hidden, hidden])))
+    assert len(lanes) == n
+    if n == 1:
+        assert lanes.centre.length_m[0] == pytest.approx(100.0)
+        assert 0.9 < lanes.measured_share[0] < 1.0
+
+
+@pytest.mark.parametrize(("measured_m", "is_lane"), [(7, True), (2, False)])
+def test_a_bound_that_is_more_guessed_than_measured_bounds_no_lane(measured_m, is_lane):
+    guessed = measured_m < X % 20
+    lanes = find_lanes(road(EDGE, CENTRE, bridged=np.concatenate([np.zeros(101, dtype=bool), guessed])))
+    assert (len(lanes) > 0) == is_lane
+
+
+@pytest.mark.parametrize(("role", "n"), [("", 0), ("lane", 1)])
+def test_short_paint_of_unknown_role_beside_other_paint_bounds_no_lane(role, n):
+    """Too far from the edge line for a double line, too near for a cycle lane."""
+    stray = ("stray", "lane_marking", lambda x: np.where(x < 50, -2.4, np.nan), role, "solid")
+    found = pairs(find_lanes(road(EDGE, stray, FAR), widths_m=(2.2, 6.5)))
+    assert sum("stray" in pair for pair in found) == n
+
+
 def test_a_wedge_is_no_lane():
     """Behind the end of a lane its two lines run together over 60 m: the lane ends where that begins."""
     closing = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
@@ -29,8 +29,18 @@ _SHORTEST_M = 10.0
 _SHORTEST_LANE_M = 5.0
 #: Shorter paint along a road is as often a bay, a bus stop, letters or an arrow as the bound of a lane. [m]
 _SHORTEST_BOUND_M = 20.0
+#: Longest stretch on which neither bound was measured, within a lane: shorter than the mouth of any side street, whose
+#: lane of 3 m has corners of 1.5 m at least. Worn paint and parked cars hide both bounds at once over less. [m]
+_CARRIED_M = 6.0
+#: Share of the stations on so many metres of a lane at which each of its bounds was measured, at least: below, the bound
+#: is more guessed than measured, and as often as not it is another line. The distance is that over which road
+#: authorities judge paint (CS 126: means per 100 m). [1, m]
+_LEAST_SHARE, _SHARE_REACH_M = 0.2, 100.0
 #: The lines of a double line are nearer than this. [m]
 _DOUBLE_M = 1.0
+#: Paint beside other paint: farther apart than a double line of two 0.15 m stripes with a gap of 0.2 m, and nearer than
+#: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. [m]
+_NEITHER_M = (0.5, 1.2)
 #: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
 #: rows of vehicles, as where the line between two lanes is worn away. [m]
 SINGLE_LANE_M = (2.2, 4.4)
@@ -96,9 +106,10 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
     A space is between two neighbouring bounds, 2.2 to 6.0 m apart (or narrower, beside such a one), at least one of them
     paint and at least one of them measured, with nothing between. There are none across junctions, where bounds end.
 
-    A space is a lane where its width is within `widths_m` [m] and changes by at most 0.1 m/m, on at least 10 m, with one
-    surface between its bounds. Between paint and the end of the carriageway that holds only where the paint is known
-    to be a centre or lane line: outside an edge line there are shoulders and parking strips.
+    A space is a lane where its width is within `widths_m` [m] and changes by at most 0.1 m/m, with one surface between its
+    bounds, both of which were measured on more than 5 m of it and each on more than a fifth of every 100 m. It goes on
+    over up to 6 m on which neither was measured. Between paint and the end of the carriageway that holds only where the
+    paint is known to be a centre or lane line: outside an edge line there are shoulders and parking strips.
     """
     rank = np.array([BOUND_KINDS.index(k) if k in BOUND_KINDS else 9 for k in lines.kind.tolist()])
     roads: list[LaneRoad] = []
@@ -112,8 +123,8 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
         station_m = np.linspace(0.0, curve.length_m, n + 1)
         rows = _rows(lines, curve, station_m)
         barred.add(rows)
-        wedges = _wedges(rows, widths_m[0])
-        profiles = [_profile(lines, here, i, taken, widths_m) for here in rows]
+        wedges, carried = _wedges(rows, widths_m[0]), _carried(rows)
+        profiles = [_profile(lines, here, i, taken, widths_m, carried[k]) for k, here in enumerate(rows)]
         for first, last in runs_of(np.array([p is not None for p in profiles])):
             if station_m[last] - station_m[first] >= _SHORTEST_M:
                 known = [p for p in profiles[first : last + 1] if p is not None]
@@ -169,8 +180,28 @@ def _rows(lines: LineSet, curve: ReferenceCurve, station_m: FloatArray) -> list[
     return [rows[a:b] for a, b in pairwise(ends)]
 
 
+def _carried(rows: Sequence[Sequence[_Bound]]) -> list[set[tuple[int, int]]]:
+    """Return for each station the pairs of lines, right one first, neither of which was measured over a short stretch.
+
+    Before and behind it the same two lines were, at least one of both.
+    """
+    stations: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for k, here in enumerate(rows):
+        for right, left in combinations(here, 2):
+            if not (right.bridged and left.bridged):
+                stations[right.line, left.line].append(k)
+    found: list[set[tuple[int, int]]] = [set() for _ in rows]
+    for pair, places in stations.items():
+        for a, b in pairwise(places):
+            if (b - a) * STATION_M <= _CARRIED_M:
+                for between in found[a + 1 : b]:
+                    between.add(pair)
+    return found
+
+
 def _profile(
-    lines: LineSet, rows: Sequence[_Bound], centre: int, taken: set[tuple[int, int, int]], widths_m: tuple[float, float]
+    lines: LineSet, rows: Sequence[_Bound], centre: int, taken: set[tuple[int, int, int]],
+    widths_m: tuple[float, float], carried: set[tuple[int, int]],
 ) -> _Profile | None:  # fmt: skip
     """Return the bounds to both sides of the line that a road follows, as far as spaces reach; None without any."""
     own = next((j for j, row in enumerate(rows) if row.line == centre and abs(row.offset_m) < 1.0), None)
@@ -190,7 +221,9 @@ def _profile(
             is_wide = gap >= min(LANE_LIMITS_M[0], widths_m[0])
             one, other = sorted((here, there))
             is_open = (one.line, other.line, int(one.along_m)) not in taken
-            is_known = "lane_marking" in kinds and not (here.bridged and there.bridged) if is_wide else True
+            right, left = (here, there) if direction == 1 else (there, here)
+            is_known = not (here.bridged and there.bridged) or (right.line, left.line) in carried
+            is_known = "lane_marking" in kinds and is_known if is_wide else True
             if (
                 kinds[1] in _WALLS
                 or gap > LANE_LIMITS_M[1]
@@ -230,12 +263,16 @@ class _Barred:
         self._may_be_alone = has_role
         self._is_edge = lines.role == "edge"
         self._is_kerb = lines.form == "kerb"
+        self._is_unknown = self._is_paint & (lines.role == "")
+        self._length_m = lines.length_m
+        self._strays: set[int] = set()
         self._accompanied: set[int] = set()
         self._beside_edge: set[int] = set()
         self._inside: set[tuple[int, int]] = set()
 
     def add(self, rows: Sequence[Sequence[_Bound]]) -> None:
         """Take in what crosses the perpendiculars of a road."""
+        beside: Counter[int] = Counter()
         for here in rows:
             for i, j in combinations(range(len(here)), 2):
                 a, b = here[i], here[j]
@@ -247,15 +284,26 @@ class _Barred:
                 ):
                     self._accompanied |= {a.line, b.line}
                     self._beside_edge |= {x.line for x, y in ((a, b), (b, a)) if self._is_edge[y.line]}
+                if (
+                    self._is_paint[a.line]
+                    and self._is_paint[b.line]
+                    and _NEITHER_M[0] < apart < _NEITHER_M[1]
+                ):
+                    shorter = min((a.line, b.line), key=lambda i: (self._length_m[i], i))
+                    beside[shorter] += 1
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed and any(self._is_paint[c.line] for c in here[i + 1 : j]):
                     self._inside.add((a.line, b.line))
+        # For most of its length: where roads part, lines run together for a short while
+        for line, n in beside.items():
+            if self._is_unknown[line] and n * STATION_M > 0.5 * self._length_m[line]:
+                self._strays.add(line)
 
     def has(self, pair: tuple[int, int]) -> bool:
         """Return whether two neighbouring lines bound no lane."""
         paint = [line for line in pair if self._is_paint[line]]
-        if any(self._is_short[line] for line in paint) or pair in self._inside:
+        if any(self._is_short[line] or line in self._strays for line in paint) or pair in self._inside:
             return True
         if len(paint) != 1:
             return not paint
@@ -281,15 +329,16 @@ def _settled(
     spaces: dict[tuple[int, int], list[_Space]] = defaultdict(list)
     for k, p in enumerate(profiles):
         for j, (a, b) in enumerate(pairwise(p.bounds)):
-            is_measured = not (a.bridged or b.bridged)
+            is_measured = (not a.bridged, not b.bridged)
             spaces[a.line, b.line].append(_Space(k, j, b.offset_m - a.offset_m, p.is_lane[j], is_measured))
     kept = [[False] * len(p.is_lane) for p in profiles]
     for pair, places in spaces.items():
         if barred.has(pair):
             continue
         wedge = wedges.get(pair, set())
+        is_known = _is_measured_enough(places)
         is_lane = np.array([place.is_lane and first_station + place.station not in wedge for place in places])
-        for first, last in runs_of(is_lane):
+        for first, last in runs_of(is_lane & is_known):
             run = places[first : last + 1]
             cuts = [
                 i + 1
@@ -297,20 +346,31 @@ def _settled(
                 if y.station != x.station + 1 or abs(y.width_m - x.width_m) > _TAPER * STATION_M
             ]
             for begin, end in pairwise([0, *cuts, len(run)]):
-                if sum(place.is_measured for place in run[begin:end]) > _SHORTEST_LANE_M / STATION_M:
+                if sum(all(place.is_measured) for place in run[begin:end]) > _SHORTEST_LANE_M / STATION_M:
                     for place in run[begin:end]:
                         kept[place.station][place.number] = True
     return [replace(p, is_lane=tuple(flags)) for p, flags in zip(profiles, kept, strict=True)]
 
 
 class _Space(NamedTuple):
-    """The space between two lines at a station: station, which of its spaces, width [m], whether a lane, measured."""
+    """The space between two lines at a station: which of its spaces, width [m], whether a lane, which sides measured."""
 
     station: int
     number: int
     width_m: float
     is_lane: bool
-    is_measured: bool
+    is_measured: tuple[bool, bool]
+
+
+def _is_measured_enough(places: Sequence[_Space]) -> BoolArray:
+    """Return at which stations (n,) each bound of a space was measured at enough of those around."""
+    station = np.array([place.station for place in places])
+    counted = np.vstack([[0, 0], np.cumsum([place.is_measured for place in places], axis=0)])
+    reach = 0.5 * _SHARE_REACH_M / STATION_M
+    first = np.searchsorted(station, station - reach)
+    last = np.searchsorted(station, station + reach, side="right")
+    share = (counted[last] - counted[first]) / (last - first)[:, None]
+    return np.asarray(share.min(axis=1) > _LEAST_SHARE)
 
 
 def _wedges(rows: Sequence[Sequence[_Bound]], least_m: float) -> dict[tuple[int, int], set[int]]:
