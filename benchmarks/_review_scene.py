@@ -34,18 +34,19 @@ class Scene:
     lines: Path
 
 
-def scene_of(seed, folder, points_per_m=POINTS_PER_M, wear=WEAR):
-    """Simulate and extract a street, once for a folder."""
-    scene = Scene(folder / f"survey{seed}", folder / f"work{seed}", folder / f"lines{seed}.gpkg")
+def scene_of(road, seed, folder, options):
+    """Simulate and extract a drive, once for a folder."""
+    name = f"{road}{seed}"
+    scene = Scene(folder / f"survey-{name}", folder / f"work-{name}", folder / f"lines-{name}.gpkg")
     if not scene.survey.exists():
-        scenario = draw_scenario("urban", seed, LENGTH_M, points_per_m=points_per_m)
-        worn = tuple(replace(m, wear=max(m.wear, wear)) for m in scenario.layout.markings)
+        scenario = draw_scenario(road, seed, options.length_m, points_per_m=options.points_per_m)
+        worn = tuple(replace(m, wear=max(m.wear, options.wear)) for m in scenario.layout.markings)
         layout = replace(scenario.layout, markings=worn)
         write_survey_folder(survey_of(replace(scenario, layout=layout)), scene.survey)
     if not scene.lines.exists():
-        options = ["-o", str(scene.lines), "--work", str(scene.work), "--method", "auto", "--quiet"]
-        if linework(["extract", str(scene.survey), *options]) != 0:
-            raise RuntimeError(f"seed {seed} could not be extracted")
+        wanted = ["-o", str(scene.lines), "--work", str(scene.work), "--method", "auto", "--quiet"]
+        if linework(["extract", str(scene.survey), *wanted]) != 0:
+            raise RuntimeError(f"{name} could not be extracted")
     return scene
 
 

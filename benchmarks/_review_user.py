@@ -63,7 +63,9 @@ class User:
     def settle(self, item):
         """Do about an item of the queue what a person would do."""
         before = self.n_actions
-        done = {"line": self._judge, "dashes": self._take_or_leave}.get(item.type, self._fill)(item)
+        done = {"line": self._judge, "dashes": self._take_or_leave, "sure": self._take_sure}.get(
+            item.type, self._fill
+        )(item)
         self.told.append((item, done, self.n_actions - before))
 
     def do(self, edit, given=None, cost=1):
@@ -94,6 +96,21 @@ class User:
         is_right = right_share(line, self.truth) >= 0.5
         self.do({"action": "accept" if is_right else "reject", "ids": list(item.ids)})
         return "accepted" if is_right else "rejected"
+
+    def agrees(self, item):
+        """Whether the proposal of an item is right."""
+        line = lines_of(self.line_file.lines, item.ids)
+        if item.proposal in ("accept", "reject"):
+            is_right = right_share(line, self.truth) >= (RIGHT if item.proposal == "accept" else 0.5)
+            return is_right == (item.proposal == "accept")
+        if item.proposal == "kind":
+            return right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT
+        return self._proposed(item)
+
+    def _take_sure(self, item):
+        """Accept what has nothing to check, at once."""
+        self.do(queue_item(item).proposal)
+        return "accepted"
 
     def _take_or_leave(self, item):
         """Take what is proposed if what comes of it is right."""

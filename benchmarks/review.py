@@ -12,16 +12,28 @@ points are fewer, and half of all paint at least is gone: harder than any seed d
 the sparsest street that a seed draws, worn as it draws it. Paint that is gone counts as missing all the same where the
 road was measured.
 
-``python -m benchmarks.review --seeds 990-994``; ``--keep FOLDER`` keeps surveys and lines for the next time;
+Before that, every proposal of the queue is held against the truth: the precision of each type.
+
+``python -m benchmarks.review --seeds 990-994 --roads urban,motorway``; ``--keep FOLDER`` keeps surveys and lines for the next time;
 ``--tell`` says what was done about each item. Tuned on seeds 980 to 989; nothing may be tuned on those reported.
 """
 
 import argparse
 import tempfile
+from collections import Counter
 from functools import partial
 from pathlib import Path
 
-from benchmarks._review_scene import KINDS, POINTS_PER_M, WEAR, copied, errors_of, scene_of, truth_of
+from benchmarks._review_scene import (
+    KINDS,
+    LENGTH_M,
+    POINTS_PER_M,
+    WEAR,
+    copied,
+    errors_of,
+    scene_of,
+    truth_of,
+)
 from benchmarks._review_user import User
 from benchmarks.accuracy import seeds_of
 from linework.files.line_file.file import LineFile
@@ -40,20 +52,26 @@ MOST_ACTIONS = 60
 
 def main(arguments=()):
     options = parsed(arguments)
+    proposals = Counter()
     with tempfile.TemporaryDirectory(prefix="linework-review-") as scratch:
         folder = Path(options.keep or scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        totals = [reviewed(seed, folder, options) for seed in seeds_of(options.seeds)]
-    before, after = (sum(total[i] for total in totals) for i in (0, 1))
-    print(
-        f"\nall: {before:.0f} m in error before, {after:.0f} m after: {share(before, after)} removed"
-        f" ({options.points_per_m:.0f} points per metre, at least {100.0 * options.wear:.0f} % of the paint gone)"
-    )
+        for road in options.roads.split(","):
+            totals = [reviewed(road, seed, folder, options, proposals) for seed in seeds_of(options.seeds)]
+            before, after = (sum(total[i] for total in totals) for i in (0, 1))
+            print(
+                f"{road}: {before:.0f} m in error before, {after:.0f} m after: {share(before, after)} removed\n"
+            )
+    for action in sorted({action for action, _ in proposals}):
+        right, wrong = proposals[action, True], proposals[action, False]
+        print(f"proposals to {action}: {right} of {right + wrong} right")
 
 
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.review")
+    parser.add_argument("--roads", default="urban", help="kinds of road, with commas between")
     parser.add_argument("--seeds", default="990-994", help="first-last, or a list")
+    parser.add_argument("--length-m", type=float, default=LENGTH_M)
     parser.add_argument("--actions", type=int, default=MOST_ACTIONS)
     parser.add_argument("--points-per-m", type=float, default=POINTS_PER_M)
     parser.add_argument("--wear", type=float, default=WEAR, help="share of the paint that is gone, at least")
@@ -62,9 +80,9 @@ def parsed(arguments):
     return parser.parse_args(list(arguments))
 
 
-def reviewed(seed, folder, options):
-    """Work the queue of one street; return the length in error before and after."""
-    scene = scene_of(seed, folder, options.points_per_m, options.wear)
+def reviewed(road, seed, folder, options, proposals):
+    """Work the queue of one drive; count its right and wrong proposals; return the error before and after."""
+    scene = scene_of(road, seed, folder, options)
     truth = truth_of(scene)
     table = SurveySession(SurveyOrder((scene.survey,), work=scene.work), lambda _: None)
     tracer = Tracer(table.recordings.points, table.surface, RunSettings())
@@ -73,6 +91,12 @@ def reviewed(seed, folder, options):
         user = User(
             line_file, truth, tracer, partial(heights_at, table), partial(dash_spans, table), options.actions
         )
+        for item in suspects_in_worker(table, line_file.lines):
+            if item.proposal:
+                is_right = user.agrees(item)
+                proposals[f"{item.proposal} ({item.type}, {item.kind})", is_right] += 1
+                if options.tell and not is_right:
+                    print(f"  wrong: {item.proposal} {item.type} {item.kind}: {item.reason}")
         dismissed = Dismissed()
         while user.left > 0:
             settled = dismissed.keys(line_file)
@@ -87,12 +111,12 @@ def reviewed(seed, folder, options):
                     flush=True,
                 )
         after = errors_of(line_file.lines, truth)
-    report(seed, before, after, user.n_actions)
+    report(f"{road} {seed}", before, after, user.n_actions)
     return tuple(sum(e.total_m for e in errors.values()) for errors in (before, after))
 
 
-def report(seed, before, after, n_actions):
-    print(f"seed {seed}: {n_actions} actions")
+def report(name, before, after, n_actions):
+    print(f"{name}: {n_actions} actions")
     print(f"  {'':20}{'missing m':>18}{'wrong m':>18}")
     for kind in KINDS:
         a, b = before[kind], after[kind]

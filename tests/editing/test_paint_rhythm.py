@@ -54,6 +54,18 @@ def test_nothing_is_seen_in_solid_paint_and_in_none():
     assert len(dashes_in_paint(STEP, np.zeros(3000), np.zeros(3000))) == 0
 
 
+@pytest.mark.parametrize("patch_m", [0.5, 1.0, 2.0])
+def test_solid_paint_that_is_worn_in_patches_has_no_rhythm(patch_m):
+    n = 3000
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        sizes = rng.geometric(STEP / patch_m, n)
+        left = np.repeat(rng.random(n) >= 0.5, sizes)[:n]
+        weight = rng.poisson(1.0, n).astype(float)
+        noise = rng.normal(0.0, 0.3, n) / np.sqrt(np.maximum(weight, 1.0))
+        assert len(dashes_in_paint(STEP, np.where(weight > 0, 1.0 + left + noise, 0.0), weight)) == 0
+
+
 def test_dashes_go_on_over_a_short_gap_and_not_over_a_long_one():
     starts = np.arange(1.7, 396.0, 6.0)
     short = dashes_in_paint(*paint(starts, 3.0, length=400.0, seen=lambda s: (s < 150) | (s > 180)))

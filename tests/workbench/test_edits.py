@@ -11,7 +11,7 @@ from linework.files.line_file.file import LineFile
 from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.workbench.edits.apply import EditInputs, change_of
+from linework.workbench.edits.apply import EditInputs, change_of, dashes_change
 from linework.workbench.edits.keep_trace import kept_change
 from linework.workbench.edits.measure import check_reach
 from linework.workbench.edits.orders import ChangeOrder, EditOrder
@@ -254,6 +254,29 @@ def test_wires_above_one_another_are_two():
     assert len(change.before) == 0
     again = kept_change(lower, straight(0, 40, kind="cable", up=6.05), (0, 40))
     assert again.before.id.tolist() == ["low"]
+
+
+def test_a_wire_that_is_followed_again_from_its_end_stays_one(tmp_path):
+    with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as line_file:
+        line_file.commit(
+            Change("extract", LineSet.empty(), straight(0, 40, name="w", kind="cable", up=6.0)), who=""
+        )
+        there = line_file.lines
+        change = kept_change(there, straight(-1, 41, kind="cable", up=6.02), (0, 42), there)
+        saved = line_file.commit(change, who="tester", based_on=line_file.revision)
+        assert saved.change.before.id.tolist() == ["w"]
+        assert line_file.lines.length_m.tolist() == pytest.approx([42.0])
+        beyond = kept_change(
+            line_file.lines, straight(41, 80, kind="cable", up=6.0), (0, 39), line_file.lines
+        )
+        line_file.commit(beyond, who="tester", based_on=line_file.revision)
+        assert line_file.lines.length_m.tolist() == pytest.approx([81.0], abs=0.1)
+
+
+def test_a_solid_line_gets_no_dashes():
+    line = straight(0, 60, name="a", pattern=["solid"])
+    with pytest.raises(UsageError, match="the line is solid"):
+        dashes_change(line, line, {"a": np.array([[9.0, 12.0], [18.0, 21.0]])})
 
 
 def test_paint_that_was_taken_for_bars_goes_when_its_line_is_kept():

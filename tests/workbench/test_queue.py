@@ -33,7 +33,7 @@ def marking(start, end, **columns):
 @pytest.fixture
 def line_file(tmp_path):
     with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as line_file:
-        lines = LineSet.concatenate([marking(0, 80), marking(110, 200), marking(50, 60, confidence=[0.2])])
+        lines = LineSet.concatenate([marking(0, 100), marking(110, 200), marking(50, 60, confidence=[0.2])])
         line_file.commit(Change("extract", LineSet.empty(), lines), who="")
         yield line_file
 

@@ -9,6 +9,7 @@ import { Outbox } from "./outbox";
 export interface Events {
   lines: { changed: Line[]; removed: string[] }; // lines were added, changed or removed
   selection: string[]; // ids of the selected lines
+  reverted: Line[]; // lines that an undo or redo brought back
   look: { at: Place; by: string }; // a pane (its name) moved to a place: the others follow
   cursor: { at: Place; by: string } | null; // the mouse, in world coordinates
   tool: Tool;
@@ -132,14 +133,13 @@ export class App {
     await this.revert(api.redo);
   }
 
-  // Undo or redo, then select and show the lines it touched
+  // Undo or redo, then select the lines it touched, and show them if none of them is in view
   private async revert(request: () => Promise<Changed>): Promise<void> {
     try {
       const changed = await request();
       this.apply(changed);
       this.select(changed.lines.map(({ id }) => id));
-      const [east, north] = changed.lines[0]?.xyz[0] ?? [];
-      if (east !== undefined && north !== undefined) this.emit("look", { at: [east, north], by: "undo" });
+      if (changed.lines.length > 0) this.emit("reverted", changed.lines);
     } catch (error) {
       this.reportProblem(error);
     }

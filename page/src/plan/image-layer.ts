@@ -64,7 +64,7 @@ export function imageSwitch(survey: Survey, show: (name: string) => void): HTMLE
   const imageButton = (name: string, title: string, unit: string) => element(
     "button", { type: "button", "data-image": name, title: unit ? `${title} [${unit}]` : title, click: () => select(name) }, title,
   );
-  row.append(...survey.images.map(({ name, title, unit }) => imageButton(name, title, unit)), imageButton("", "None", ""));
+  row.append(...survey.images.map(({ name, title, unit }) => imageButton(name, title, unit)), imageButton("", "No image", ""));
   select(survey.images[0]?.name ?? "");
   return element("div", { class: "image-choice" }, row, classes);
 }

@@ -1,4 +1,5 @@
-// How a line is drawn: its colour shows its kind, its casing its review state, dashes where it is bridged.
+// How a line is drawn: its colour shows its kind, its casing its review state, dots where it is bridged; dashed lines are
+// broken, and their dashes wide.
 
 import type Feature from "ol/Feature";
 import type Geometry from "ol/geom/Geometry";
@@ -59,7 +60,7 @@ export class LineStyles {
 
   of(line: Line, selected: boolean, resolution: number): Style[] {
     const far = resolution > FAR_M;
-    const key = `${line.kind}|${line.review}|${selected}|${far}`;
+    const key = `${line.kind}|${line.pattern}|${line.review}|${selected}|${far}`;
     const known = this.made.get(key) ?? this.make(line, selected, far);
     this.made.set(key, known);
     return known;
@@ -67,10 +68,16 @@ export class LineStyles {
 
   private make(line: Line, selected: boolean, far: boolean): Style[] {
     if (line.review === "rejected") return this.rejected(selected);
-    const width = line.kind === "lane_marking_dash" || far ? 2 : 3;
+    const isDash = line.kind === "lane_marking_dash";
+    const isDashed = line.kind === "lane_marking" && line.pattern === "dashed";
+    const width = isDash ? 5 : far || isDashed ? 2 : 3;
     const colour = this.colour(line.kind);
     const styles = [
-      new Style({ stroke: new Stroke({ color: colour, width }), geometry: measured, zIndex: 2 }),
+      new Style({
+        // A dashed line is thin and broken under its dashes, which are wide and end squarely
+        stroke: new Stroke({ color: colour, width, lineDash: isDashed ? [12, 6] : [], lineCap: isDash || isDashed ? "butt" : "round" }),
+        geometry: measured, zIndex: isDash ? 3 : 2,
+      }),
       new Style({
         stroke: new Stroke({ color: colour, width, lineDash: [3, 7], lineCap: "round" }), geometry: bridged, zIndex: 2,
       }),

@@ -105,6 +105,12 @@ export class PlanView implements Pane {
     this.target.addEventListener("dblclick", () => void (app.tool === "draw" && this.drawing.doubleClick()));
     map.on("pointermove", (event) => this.moved(placeOf(event.coordinate)));
     this.target.addEventListener("pointerleave", () => this.left());
+    app.on("reverted", (lines) => {
+      const [west = 0, south = 0, east = 0, north = 0] = map.getView().calculateExtent(map.getSize());
+      const places = lines.flatMap(({ xyz }) => xyz).map(placeOf);
+      const isInView = places.some(([x, y]) => x > west && x < east && y > south && y < north);
+      if (places[0] && !isInView) app.emit("look", { at: places[0], by: "undo" });
+    });
     app.on("look", ({ at, by }) => {
       if (by !== "plan") this.lookAt(at);
     });

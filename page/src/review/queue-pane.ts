@@ -10,7 +10,7 @@ import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
 
 const TITLES = {
-  line: "Uncertain line", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes",
+  line: "Uncertain line", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", sure: "Nothing to check",
 };
 
 export class QueuePane implements Pane {
@@ -129,7 +129,9 @@ export class QueuePane implements Pane {
     const left_m = this.items.reduce((sum, { length_m }) => sum + length_m, 0);
     this.initial_m = Math.max(this.initial_m, left_m);
     this.progress.textContent = this.items.length === 0
-      ? "Nothing left to review."
+      ? this.app.lines.size === 0
+        ? "No lines yet: extract them (Extract), or follow one (F)."
+        : "Nothing left to review."
       : `${this.items.length} to review, ${left_m.toFixed(0)} m`;
     this.progress.style.setProperty("--done", `${100 * (1 - left_m / Math.max(this.initial_m, 1e-9))}%`);
     this.element.dataset.left = String(this.items.length);
@@ -142,13 +144,13 @@ export class QueuePane implements Pane {
   }
 
   private row(item: QueueItem): HTMLElement {
-    const kind = this.app.title(item.kind);
+    const what = item.type === "sure" ? TITLES.sure : `${TITLES[item.type]}: ${this.app.title(item.kind)}`;
     const swatch = element("span", { class: "swatch" });
     swatch.style.backgroundColor = this.app.colour(item.kind);
     const row = element("button", { type: "button", class: "item", "data-key": item.key, click: () => this.look(item) },
       swatch,
-      element("span", { class: "what" }, `${TITLES[item.type]}: ${kind}`),
-      element("span", { class: "length" }, `${item.length_m.toFixed(1)} m`),
+      element("span", { class: "what" }, what),
+      element("span", { class: "length" }, item.type === "sure" ? "" : `${item.length_m.toFixed(1)} m`),
       element("span", { class: "reason" }, item.reason),
       ...(item.proposal ? [element("span", { class: "proposal" }, `Proposal: ${actionTitle(item.proposal.action)}`)] : []),
     );

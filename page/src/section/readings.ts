@@ -55,11 +55,17 @@ export function sectionTable(readings: readonly Reading[], app: App): HTMLTableE
   return element("table", {}, element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows));
 }
 
+// Millimetres; what rounds to nothing has no sign
+function fixed(value: number): string {
+  const text = value.toFixed(3);
+  return Number(text) === 0 ? "0.000" : text;
+}
+
 function rowOf(reading: Reading, app: App): HTMLTableRowElement {
   const swatch = element("i", { class: "swatch" });
   swatch.style.background = app.colour(reading.kind);
   const title = app.title(reading.kind);
-  const cells = [reading.offset_m.toFixed(3), reading.above_m?.toFixed(3) ?? "–", reading.remark];
+  const cells = [fixed(reading.offset_m), reading.above_m === null ? "–" : fixed(reading.above_m), reading.remark];
   return element(
     "tr",
     {

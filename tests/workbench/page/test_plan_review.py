@@ -64,6 +64,33 @@ def test_a_proposal_is_taken(browser, served):
         wait_until(lambda: plan.documents()[line["id"]]["review"] == "")
 
 
+def test_what_is_sure_is_accepted_by_one_key_and_the_plan_stays(browser, served):
+    lines = [line for line in served.get("/api/lines")["lines"] if line["kind"] == "road_boundary"]
+    ids = [line["id"] for line in lines]
+    east, north, _ = lines[0]["xyz"][0]
+    item = {
+        "key": "sure", "type": "sure", "ids": ids, "kind": "road_boundary", "at": [east, north],
+        "box": [east - 5, north - 5, east + 5, north + 5], "length_m": 0.0, "confidence": 0.98,
+        "reason": "some lines", "proposal": {"action": "accept", "ids": ids},
+    }  # fmt: skip
+    with opened_page(browser, served) as page:
+        page.route("**/api/queue", lambda route: route.fulfill(json=[item]))
+        page.reload()
+        plan = PlanPage(page, served)
+        wait_until(lambda: _left(plan) == 1)
+        assert page.locator(".item .what").inner_text() == "Nothing to check"
+        assert page.locator(".item .length").inner_text() == ""
+        plan.press("n", "y")
+        wait_until(lambda: all(plan.documents()[name]["review"] == "accepted" for name in ids))
+        # An undo within view does not move the plan
+        place = lines[0]["xyz"][len(lines[0]["xyz"]) // 2]
+        plan.look_at((place[0], place[1]))
+        view = page.get_attribute(".plan-view", "data-view")
+        plan.press("Control+z")
+        wait_until(lambda: all(plan.documents()[name]["review"] == "" for name in ids))
+        assert page.get_attribute(".plan-view", "data-view") == view
+
+
 def test_lines_are_accepted_and_rejected(plan):
     first, second, *_ = (line for line in plan.documents().values() if line["kind"] == "lane_marking")
     before = plan.revision

@@ -21,7 +21,7 @@ def test_another_image_is_asked_for_and_none_at_all(plan):
             row.locator(f"button[data-image={name}]").click()
         pressed = row.locator("button[aria-pressed=true]").get_attribute("data-image")
         assert pressed == name
-    row.get_by_text("None", exact=True).click()
+    row.get_by_text("No image", exact=True).click()
     plan.page.wait_for_load_state("networkidle")
     asked.clear()
     plan.look_at(middle_of(plan.served.get("/api/survey")["path"]), nearer=2)

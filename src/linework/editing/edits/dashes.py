@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import gamma
 
 from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.editing.edits.new_lines import foot_along
@@ -185,7 +186,7 @@ SHORTEST_PERIOD_M, LONGEST_PERIOD_M = 2.0, 18.0
 #: or shorter by its offset over the radius: the windows follow that. [m]
 RHYTHM_WINDOW_M, HOP_M = 40.0, 8.0
 _STRETCH = 0.08
-#: Least power over that of noise of the same spread: chance reaches it with exp(-12) among hundreds of periods.
+#: Least power over that of the noise: chance reaches it with exp(-12) among hundreds of periods.
 LEAST_POWER = 12.0
 #: Least share of the windows that must show the rhythm.
 LEAST_WINDOW_SHARE = 0.25
@@ -220,11 +221,14 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
     b, w = brightness[index], weight[index]
     mean = np.sum(b * w, axis=1) / np.maximum(w.sum(axis=1), 1e-9)
     wave = np.where(w > 0.0, w * (b - mean[:, None]), 0.0)
-    noise = np.maximum(np.sum(wave**2, axis=1), 1e-12)
     at = (np.arange(n) - 0.5 * (n - 1)) * step_m
-    rates = 1.0 / np.geomspace(SHORTEST_PERIOD_M, LONGEST_PERIOD_M, _N_PERIODS)
+    noise = np.maximum(np.sum(wave**2, axis=1), 1e-12)
+    rates = np.linspace(1.0 / LONGEST_PERIOD_M, 1.0 / SHORTEST_PERIOD_M, _N_PERIODS)
     power = np.abs(wave @ np.exp(-2j * np.pi * np.outer(at, rates))) ** 2 / noise[:, None]
-    rate = float(rates[int(np.argmax(np.sum(power, axis=0)))])
+    best_rate = _rhythm_rate(rates, np.sum(power, axis=0), len(brightness) * step_m)
+    if best_rate is None:
+        return np.zeros((0, 2))
+    rate = best_rate
     near = rate * np.linspace(1.0 - _STRETCH, 1.0 + _STRETCH, _N_NEAR)
     spectrum = wave @ np.exp(-2j * np.pi * np.outer(at, near))
     best = np.argmax(np.abs(spectrum), axis=1)
@@ -239,6 +243,23 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
         middle[shows], near[best[shows]], -np.angle(spectrum[rows, best])[shows] / (2 * np.pi)
     )
     return _spans(step_m, brightness, weight, (middle[shows], _smoothed(middle[shows], cycles)))
+
+
+def _rhythm_rate(rates: FloatArray, power: FloatArray, length_m: float) -> float | None:
+    """Return the rate [1/m] of the summed power (k,) of all windows that stands out of its surroundings, or None.
+
+    Paint wears off in patches: its noise is strong at all long periods, where a rhythm is a peak. The noise at a rate is
+    what the rates beside it show, more than a window resolves away: on the stronger side, because it falls with the rate.
+    Sums of exponential powers are gamma distributed, with as many degrees as the line has windows.
+    """
+    k = int(np.argmax(power))
+    apart = np.abs(rates - rates[k]) * RHYTHM_WINDOW_M
+    beside = (apart >= 1.0) & (apart <= 3.0)
+    sides = [power[beside & (rates < rates[k])], power[beside & (rates > rates[k])]]
+    around = max((float(side.mean()) for side in sides if len(side)), default=0.0)
+    n_windows = max(length_m / RHYTHM_WINDOW_M, 1.0)
+    most = float(gamma.isf(np.exp(-LEAST_POWER), n_windows)) / n_windows
+    return float(rates[k]) if power[k] > most * around else None
 
 
 def _unwrapped(middle: FloatArray, rate: FloatArray, cycles: FloatArray) -> FloatArray:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.split_join import LONGEST_JOINED_GAP_M
 from linework.editing.queue.suspects import VIEW_M, Suspect, WasMeasured, view_box
 from linework.lines.along import PATH_STEP_M, DrivenPath
 from linework.model.lines import LineSet
@@ -17,6 +16,9 @@ WITHIN_M = 25.0
 #: Largest change of offset across a gap: a constant [m] plus a share of the gap [1]; lanes change their width over
 #: tens of metres.
 GAP_DRIFT_M, GAP_DRIFT_SHARE = 0.20, 0.02
+#: Smallest mouth of a side road: two lanes of 2.75 m, and two corners of 3 m radius. Lines end at it, so that over longer
+#: gaps no joint is proposed. [m]
+SMALLEST_MOUTH_M = 11.5
 #: Shortest gap that is reported. [m]
 LEAST_SUSPECT_GAP_M = 3.0
 #: Probability that a line continues: between two aligned pieces, where a road must have an edge, and where a line
@@ -127,7 +129,7 @@ def _gap(
     in_line = abs(left_stop - left_start) <= GAP_DRIFT_M + GAP_DRIFT_SHARE * length_m
     ids = tuple(end[0] for end in (before, behind) if end is not None)
     tip = before[1] if before is not None else behind[1] if behind is not None else places[0]
-    joins = before is not None and behind is not None and in_line and length_m <= LONGEST_JOINED_GAP_M
+    joins = before is not None and behind is not None and in_line and length_m <= SMALLEST_MOUTH_M
     side = "left" if left_start > 0 else "right"
     reason = (
         f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"

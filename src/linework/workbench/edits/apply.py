@@ -365,6 +365,10 @@ def _of_line(line: LineSet, lines: LineSet, spans: FloatArray) -> tuple[LineSet,
     """Return the dashes of a line that are replaced, and the new ones."""
     if str(line.kind[0]) != "lane_marking":
         raise UsageError(f"a {line.kind[0]} has no dashes", where="dashes", advice="choose a lane marking")
+    if line.pattern[0] == "solid":
+        raise UsageError(
+            "the line is solid: it has no dashes", where="dashes", advice="set its pattern to dashed first"
+        )
     own = with_companions(line, lines)["lane_marking_dash"]
     own = own.take(own.review != "rejected")
     if len(spans):

@@ -50,7 +50,8 @@ def kept_change(
     Returns
     -------
     Change
-        Lines of its kind that it overlaps are replaced by one line with it; so is `continues`, over a bridged gap.
+        Lines of its kind that it overlaps are replaced by one line with it; so is `continues`, over a bridged gap, or
+        without one where a wire was followed again instead of its continuation.
         Dashes and kerb tops beside what is kept are added where there are none yet.
 
     Raises
@@ -63,17 +64,19 @@ def kept_change(
         id=np.array([""])
     )
     gone: list[int] = []
+    again = _same_wire(one, lines) if str(one.kind[0]) == "cable" else []
     if continues is not None:
         if str(continues.kind[0]) != str(one.kind[0]):
             raise UsageError(
                 f"a {one.kind[0]} does not continue a {continues.kind[0]}", where="keep",
                 advice="follow the kind of the line",
             )  # fmt: skip
-        others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
-        one = join_two_lines(continues, one, others)
         gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
+        if not set(gone) & set(again):
+            others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
+            one = join_two_lines(continues, one, others)
     if str(one.kind[0]) == "cable":
-        absorbed = _same_wire(one, lines)
+        absorbed = [k for k in again if k not in gone]
     else:
         one, absorbed = _grown(one, lines, gone)
     new = [one]

@@ -11,7 +11,14 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.editing.queue.gaps import gap_suspects
-from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes, rank_suspects, unsure_lines
+from linework.editing.queue.suspects import (
+    Suspect,
+    loose_wires,
+    missing_dashes,
+    rank_suspects,
+    sure_lines,
+    unsure_lines,
+)
 from linework.lines.along import DrivenPath
 from linework.methods.protocol import Sight
 from linework.model.lines import LineSet
@@ -46,10 +53,10 @@ def suspects(
     found = [
         *unsure_lines(there, path),
         *gap_suspects(there, path, visible),
-        *loose_wires(there),
+        *loose_wires(there, visible),
         *missing_dashes(there, paint),
     ]
-    return rank_suspects(found)
+    return rank_suspects(found) + sure_lines(there)
 
 
 def _path(session: SurveySession) -> DrivenPath:
