@@ -66,7 +66,7 @@ def publish_extraction(
     record: dict[str, Any] = {}
 
     def recorded(part: Path) -> bytes:
-        record.update(record_of(extraction, output, parameters, steps, written=part))
+        record.update(record_of(extraction, output, parameters, steps, written=part, location=location))
         if reviews is not None:
             record["counts"]["reviews"] = dict(reviews.counts)
         if lanes:
@@ -90,14 +90,17 @@ def publish_extraction(
 
 
 def record_of(
-    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: RunSteps, *, written: Path
-) -> dict[str, Any]:
+    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: RunSteps, *, written: Path,
+    location: str = "",
+) -> dict[str, Any]:  # fmt: skip
     """Return the record of a run.
 
     Parameters
     ----------
     written
         The finished file of lines, which will get the name `output`.
+    location
+        Of the lanes, as for `publish_extraction`.
 
     Raises
     ------
@@ -147,7 +150,7 @@ def record_of(
         "warnings": [
             *extraction.warnings,
             *points_left_out(output, extraction.logged),
-            *not_expressed(lines, output),
+            *not_expressed(lines, output, location),
         ],
         "failures": [
             *(

@@ -14,7 +14,8 @@ from tests.scenes.map_scenes import UTM
 from linework.errors import UsageError
 from linework.files.line_file.carried_history import added_by_others
 from linework.files.line_file.file import LineFile
-from linework.files.vectors.read_write import read_lines, write_lines
+from linework.files.vectors.read_write import not_expressed, read_lines, write_lines
+from linework.lines.lane_sections import lane_roads
 from linework.lines.lanes import find_lanes
 from linework.model.lines import LineSet
 
@@ -99,6 +100,16 @@ def test_bounds_are_shared_and_where_the_lines_are(tmp_path):
     back = read_lines(path)
     assert back.length_m.sum() == pytest.approx(lines.length_m.sum(), abs=1e-3)
     assert {name.partition(".")[0] for name in back.id.tolist()} == set(lines.id)
+
+
+def test_stretches_of_lanes_that_are_left_out_are_reported(tmp_path, monkeypatch):
+    """Two roads whose lanes lie between the same lines: the first has them."""
+    monkeypatch.setattr("linework.files.maps.lanelets.lane_roads", lambda lines: 2 * lane_roads(lines))
+    write_lines(road_of_lanes(), tmp_path / "map.osm", lanes=True, location="urban")
+    (text,) = not_expressed(road_of_lanes(), tmp_path / "map.osm", "urban")
+    n = len(list(ElementTree.parse(tmp_path / "map.osm").iter("relation")))
+    assert n > 0 and " stretches of lanes whose lines bound another road there (the first at 5123" in text
+    assert "stretches of lanes" not in "".join(not_expressed(road_of_lanes(), tmp_path / "map.osm"))
 
 
 def test_lanelets_have_the_same_ids_in_every_run(tmp_path):

@@ -104,7 +104,7 @@ def _expressed(
     """Return the lines that Lanelet2 has a type for, their tags, and lanelets between them if these have a location."""
     lanelets: tuple[Lanelet, ...] = ()
     if location:
-        lines, lanelets = lanelet_map(lines)
+        lines, lanelets, _ = lanelet_map(lines)
     fields = field_texts(lines)
     listed = [tags_of_line(lines[i], fields[i], number=i) for i in range(len(lines))]
     chosen = [i for i, tags in enumerate(listed) if tags]
@@ -113,14 +113,20 @@ def _expressed(
     return lines.take(np.array(chosen, dtype=np.int64)), [listed[i] for i in chosen], lanelets
 
 
-def lanelet2_losses(lines: LineSet) -> tuple[str, ...]:
-    """Return what a Lanelet2 map cannot hold of these lines."""
+def lanelet2_losses(lines: LineSet, location: str = "") -> tuple[str, ...]:
+    """Return what a Lanelet2 map cannot hold of these lines, and of the lanes between them if these have a location."""
     fields = field_texts(lines)
     out = [str(lines.kind[i]) for i in range(len(lines)) if not tags_of_line(lines[i], fields[i], number=i)]
     found = [f"{out.count(kind):,} lines of {kind or 'no kind'}" for kind in dict.fromkeys(out)]
     n_thinned = len(_expressed(lines)[0].xyz) - len(set_apart(_expressed(lines)[0]).xyz)
     if n_thinned:
         found.append(f"{n_thinned:,} vertices nearer than {NEAREST_M * 100:.0f} cm to the one before")
+    left_out = lanelet_map(lines).left_out if location else ()
+    if left_out:
+        east, north = left_out[0]
+        found.append(
+            f"{len(left_out):,} stretches of lanes whose lines bound another road there (the first at {east:.1f} {north:.1f})"
+        )
     return tuple(found)
 
 

@@ -27,10 +27,11 @@ class Lanelet(NamedTuple):
 
 
 class LaneletMap(NamedTuple):
-    """Lines in pieces, and the lanelets between them."""
+    """Lines in pieces, the lanelets between them, and the middles (east, north) [m] of stretches of lanes left out."""
 
     lines: LineSet
     lanelets: tuple[Lanelet, ...]
+    left_out: tuple[tuple[float, float], ...]
 
 
 def lanelet_map(lines: LineSet) -> LaneletMap:
@@ -47,6 +48,7 @@ def lanelet_map(lines: LineSet) -> LaneletMap:
     length = [float(distance_along(line.xyz)[-1]) for line in lines]
     taken: dict[int, list[tuple[float, float]]] = defaultdict(list)
     wanted: list[tuple[tuple[int, float, float], tuple[int, float, float], float]] = []
+    left_out: list[tuple[float, float]] = []
     for road in lane_roads(lines):
         for section in road.sections:
             spans = []
@@ -56,6 +58,12 @@ def lanelet_map(lines: LineSet) -> LaneletMap:
             used = {k for j, is_lane in enumerate(section.is_lane) if is_lane for k in (j, j + 1)}
             # A line bounds two roads in one place only where its ends are uncertain: then the first has it
             if any(_overlaps(taken[spans[k][0]], spans[k]) for k in used):
+                line, low, high = spans[min(used)]
+                along = distance_along(lines[line].xyz)
+                east, north = (
+                    float(np.interp(0.5 * (low + high), along, v)) for v in lines[line].xyz[:, :2].T
+                )
+                left_out.append((east, north))
                 continue
             for k in used:
                 taken[spans[k][0]].append(spans[k][1:])
@@ -64,7 +72,7 @@ def lanelet_map(lines: LineSet) -> LaneletMap:
                 wanted.append((spans[j + 1], spans[j], float(width.mean())))
     pieces, number = _cut(lines, length, taken)
     lanelets = tuple(Lanelet(number[left], number[right], width) for left, right, width in wanted)
-    return LaneletMap(pieces, lanelets)
+    return LaneletMap(pieces, lanelets, tuple(left_out))
 
 
 def _snapped(at_m: float, length_m: float) -> float:

@@ -188,14 +188,14 @@ def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) ->
     )
 
 
-def not_expressed(lines: LineSet, path: Path) -> tuple[str, ...]:
-    """Return a warning about what of the lines this file's format cannot hold, or none."""
+def not_expressed(lines: LineSet, path: Path, location: str = "") -> tuple[str, ...]:
+    """Return a warning about what of the lines this file's format cannot hold, or none; of lanes, with a location."""
     suffix = path.suffix.lower()
     found: list[str] = []
     if suffix == ".osm":
         from linework.files.maps.lanelet2 import lanelet2_losses
 
-        found += lanelet2_losses(lines)
+        found += lanelet2_losses(lines, location)
     if suffix == ".xodr":
         from linework.files.maps.opendrive import opendrive_losses
 

@@ -81,7 +81,7 @@ def convert(
                       if table and code is None})  # fmt: skip
     if uncoded:
         warn(f"{codes}: no row for {', '.join(uncoded)}: on layers named for the kinds")
-    for warning in (*points_left_out(output, points), *not_expressed(found, output)):
+    for warning in (*points_left_out(output, points), *not_expressed(found, output, location)):
         warn(warning)
     # Maps of lanes hold a part of the lines
     n_lines = len(read_lines(output)) if output.suffix.lower() in (".osm", ".xodr") else len(found)
