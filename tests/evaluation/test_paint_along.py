@@ -151,6 +151,10 @@ def worn_from(cloud, worn, x_m):
     )
 
 
+def changes(old_lines, new_lines, old, new, shift_m=(0.0, 0.0)):
+    return paint_changes(old_lines, new_lines, old, new, old.xy + np.array(shift_m))
+
+
 def test_the_paint_left_of_pieces_is_that_of_the_samples():
     pieces = paint_pieces(marking(), within(points(0.7)))
     left, sigma = paint_left(pieces)
@@ -163,20 +167,55 @@ def test_paint_that_was_worn_away_or_renewed_is_found_and_other_paint_is_not(see
     old = paint_pieces(marking(), within(whole))
     # Another scanner with a gain of its own, a few centimetres beside
     again = points(0.95, seed=seed + 1, road=60.0)
-    assert paint_changes(marking(), old, paint_pieces(marking(), within(again))) == []
+    assert changes(marking(), marking(), old, paint_pieces(marking(), within(again))) == []
     new = paint_pieces(marking(), within(worn_from(again, worn, 20.0)))
-    (change,) = paint_changes(marking(), old, new)
+    (change,) = changes(marking(), marking(), old, new)
     assert (change.from_m, change.to_m) == (pytest.approx(20.0, abs=2.1), pytest.approx(40.0, abs=2.1))
     assert abs(change.before - 95) < 5 and abs(change.after - 55) < 5
-    (renewed,) = paint_changes(marking(), new, old)
+    (renewed,) = changes(marking(), marking(), new, old)
     assert renewed.after > renewed.before + 30
 
 
 def test_unknown_paint_is_no_change():
     pieces = paint_pieces(marking(), within(points(0.95)))
     unknown = paint_pieces(marking(), within(points(0.0)))
-    assert paint_changes(marking(), pieces, unknown) == []
-    assert paint_changes(marking(), pieces.empty(), pieces) == []
+    assert changes(marking(), marking(), pieces, unknown) == []
+    assert changes(marking(), marking(), pieces.empty(), pieces) == []
+
+
+def test_stretches_that_were_not_measured_are_no_part_of_a_change():
+    line = marking()
+    old = paint_pieces(line, within(points(0.95)))
+    worn = points(0.5, seed=12)
+    shown = worn.take((worn.xyz[:, 0] < 10.0) | (worn.xyz[:, 0] > 30.0))
+    found = changes(line, line, old, paint_pieces(line, within(shown)))
+    assert [(c.from_m, c.to_m) for c in found] == [(0.0, 10.0), (30.0, 40.0)]
+
+
+def test_paint_is_compared_with_that_of_its_own_marking():
+    """Of a double line one is worn, in both surveys; what is left of a shift must not exchange them."""
+    shape = marking().xyz
+    double = LineSet.from_lines(
+        [shape, shape + np.array([0.0, 0.3, 0.0])],
+        kind="lane_marking",
+        id=["a", "b"],
+        pattern="solid",
+        width_m=WIDTH_M,
+    )
+    whole, worn = points(0.95, y_m=(-0.6, 0.15)), points(0.4, seed=12, y_m=(-0.15, 0.6))
+    beside = Points(worn.xyz + np.array([0.0, 0.3, 0.0]), intensity=worn.intensity)
+    lower, upper = whole.take(whole.xyz[:, 1] < 0.15), beside.take(beside.xyz[:, 1] >= 0.15)
+    cloud = Points(
+        np.concatenate([lower.xyz, upper.xyz]), intensity=np.concatenate([lower.intensity, upper.intensity])
+    )
+    old = paint_pieces(double, within(cloud))
+    moved = double.with_columns(xyz=double.xyz + np.array([0.0, 0.2, 0.0]))
+    there = Points(cloud.xyz + np.array([0.0, 0.2, 0.0]), intensity=cloud.intensity)
+    new = paint_pieces(moved, within(there))
+    assert changes(double, moved, old, new, shift_m=(0.0, 0.2)) == []
+    # A marking a width away from where it was is another one
+    assert changes(double.take([0]), moved.take([1]), paint_pieces(double.take([0]), within(cloud)),
+                   paint_pieces(moved.take([1]), within(there))) == []  # fmt: skip
 
 
 def test_compare_takes_the_points_of_both_surveys(linework, tmp_path):
@@ -203,6 +242,19 @@ def test_compare_takes_the_points_of_both_surveys(linework, tmp_path):
     (row,) = [line for line in (tmp_path / "c.csv").read_text().splitlines() if "remaining paint" in line]
     assert row.startswith("changed,lane_marking,middle")
     assert not list(tmp_path.rglob("*.tmp"))
+    assert "paint compared on at most 40 m of markings" in done.stdout
+    # Points of another place, and points without intensities, are no comparison
+    (tmp_path / "far").mkdir()
+    write_las(
+        Points(old.xyz + ORIGIN + np.array([5000.0, 0.0, 0.0]), intensity=old.intensity),
+        tmp_path / "far" / "p.laz",
+        crs=CRS,
+    )
+    far = linework(*call, "--overwrite", *both[:2], "--new-survey", tmp_path / "far")
+    assert (far.code, far.line) == (
+        3, f"error: {tmp_path / 'far'}: shows no paint of any marking of {tmp_path / 'new.gpkg'}. Give the points from"
+        " which these lines are.",
+    )  # fmt: skip
     alone = linework(*call, "--overwrite", *both[:2])
     assert (alone.code, alone.line) == (
         2, "error: paint is compared between the points of both surveys. Give --new-survey too."

@@ -129,6 +129,13 @@ class _Stations:
     visible: BoolArray
 
 
+def check_same_crs(old: LineSet, new: LineSet) -> None:
+    """Raise a `CrsError` if the lines of two surveys are in different CRSs."""
+    if not same_crs(old.crs, new.crs):
+        raise CrsError(f"two different CRSs: {describe_crs(old.crs)} and {describe_crs(new.crs)}",
+                       where="the new lines", advice="convert one of them")  # fmt: skip
+
+
 def compare_epochs(
     old: LineSet, new: LineSet, paint: tuple[PaintPieces, PaintPieces] | None = None
 ) -> tuple[list[EpochChange], Registration]:
@@ -153,20 +160,20 @@ def compare_epochs(
     surveys. A line has moved over stretches whose mean chance gives, with as many comparisons and as far as neighbouring
     differences are related, once in 4 km of road.
     """
-    if not same_crs(old.crs, new.crs):
-        raise CrsError(f"two different CRSs: {describe_crs(old.crs)} and {describe_crs(new.crs)}",
-                       where="the new lines", advice="convert one of them")  # fmt: skip
+    check_same_crs(old, new)
     of_paint = [
         _of_paint(lines, line, from_m, to_m, f"{n} dashes {what}")
         for lines, other, what in ((old, new, "gone"), (new, old, "new"))
         for line, from_m, to_m, n in dash_runs(lines, other)
     ]
-    for worn in paint_changes(old, *paint) if paint is not None else ():
-        what = f"remaining paint {worn.before:.0f} to {worn.after:.0f} %"
-        of_paint.append(_of_paint(old, worn.line, worn.from_m, worn.to_m, what))
+    whole = old, new
     old, new = (s.take(~np.isin(s.kind, _PARTS) & (s.length_m > 0)) for s in (old, new))
     there, back = _stations(old, new), _stations(new, old)
     registration = _registered(there)
+    if paint is not None:
+        for worn in paint_changes(*whole, *paint, _placed(paint[0].xy, registration)):
+            what = f"remaining paint {worn.before:.0f} to {worn.after:.0f} %"
+            of_paint.append(_of_paint(whole[0], worn.line, worn.from_m, worn.to_m, what))
     pieces = _moved_pieces(old, there, registration)
     changes = [
         change for i in range(len(old)) for change in _of_line(old, new, there, i, registration, pieces)
@@ -176,6 +183,17 @@ def compare_epochs(
         changes += _stretches(new, back, i, alone & back.visible, "new")
         changes += _stretches(new, back, i, alone & ~back.visible, "not visible", what="in the old survey")
     return changes + of_paint, registration
+
+
+def _placed(xy: FloatArray, registration: Registration) -> FloatArray:
+    """Return where places (n, 2) of the old survey are in the new one, by the nearest cell."""
+    if not len(registration.cells) or not len(xy):
+        return xy
+    middle = (registration.cells + 0.5) * _CELL_M
+    cell = cKDTree(middle - xy[0]).query(xy - xy[0])[1]
+    off = xy - middle[cell]
+    turned = registration.turn[cell][:, None] * np.column_stack([-off[:, 1], off[:, 0]])
+    return np.asarray(xy + registration.shift_m[cell, :2] + turned)
 
 
 def _of_paint(lines: LineSet, line: int, from_m: float, to_m: float, what: str) -> EpochChange:

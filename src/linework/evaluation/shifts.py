@@ -193,5 +193,5 @@ def _most_significant(values: FloatArray, deviation: FloatArray) -> tuple[int, i
     first, last, _ = best(lengths, 0, n)
     length = last - first + 1
     # Its ends to the place
-    near = range(max(1, round(length / 1.3) - 1), min(n, round(length * 1.3) + 2))
+    near = range(max(1, round(length / 1.3) - 1), min(n, round(length * 1.3) + 1) + 1)
     return best(near, first - length, first + length)

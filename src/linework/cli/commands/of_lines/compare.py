@@ -54,10 +54,10 @@ def compare_command(
     import math
     from collections import Counter
 
-    from linework.cli.commands.of_lines.paint import paint_of_survey
+    from linework.cli.commands.of_lines.paint import paint_of_both
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
-    from linework.evaluation.epochs import compare_epochs
+    from linework.evaluation.epochs import check_same_crs, compare_epochs
     from linework.files.maps.row_tables import write_rows
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.read_write import read_usable_lines
@@ -82,14 +82,13 @@ def compare_command(
         before, after = (read_usable_lines(path, crs=crs) for path in (old, new))
         for left_out in filter(None, (before[1], after[1])):
             warn(left_out)
-        paint = None
+        check_same_crs(before[0], after[0])
+        paint, known_m = None, 0.0
         if old_survey and new_survey:
-            given = (before[0], old_survey, "old_survey"), (after[0], new_survey, "new_survey")
-            old_paint, new_paint = (
-                paint_of_survey(*one, crs=crs, allow_outside=allow_outside, work=work, quiet=quiet)
-                for one in given
-            )
-            paint = old_paint, new_paint
+            paint, known_m = paint_of_both(
+                (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside,
+                work=work, quiet=quiet,
+            )  # fmt: skip
         changes, registration = compare_epochs(before[0], after[0], paint)
         names = (
             "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",
@@ -131,4 +130,6 @@ def compare_command(
         say(
             f"registered in {len(registration.cells):,} cells of 25 m, sigma {across:.3f} m across, {up:.3f} m up"
         )
+    if paint is not None:
+        say(f"paint compared on at most {known_m:,.0f} m of markings")
     say(f"{len(changes):,} changes in {output}")

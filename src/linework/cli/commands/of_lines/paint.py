@@ -13,10 +13,53 @@ if TYPE_CHECKING:
     from linework.model.lines import LineSet
 
 
+def paint_of_both(
+    old: tuple[Path, LineSet, list[Path]], new: tuple[Path, LineSet, list[Path]], *, crs: str | None,
+    allow_outside: bool, work: Path | None, quiet: bool,
+) -> tuple[tuple[PaintPieces, PaintPieces], float]:  # fmt: skip
+    """Return what the points of two surveys show on their markings, and how much of it can be compared at most [m].
+
+    Parameters
+    ----------
+    old, new
+        File of lines, its lines, and the points of the survey.
+
+    Raises
+    ------
+    InputError
+        As for `paint_of_survey`, or a survey shows no paint of any of its markings.
+    """
+    import numpy as np
+
+    from linework.errors import InputError
+    from linework.evaluation.chainage.paint_along import paint_left
+
+    found, known_m = [], []
+    for path, lines, survey in (old, new):
+        shown = paint_of_survey(
+            lines,
+            survey,
+            ("old_survey", "new_survey"),
+            crs=crs,
+            allow_outside=allow_outside,
+            work=work,
+            quiet=quiet,
+        )
+        is_known = np.isfinite(paint_left(shown)[0])
+        if not is_known.any():
+            raise InputError(
+                f"shows no paint of any marking of {path}", where=survey[0],
+                advice="give the points from which these lines are",
+            )  # fmt: skip
+        found.append(shown)
+        known_m.append(float(shown.length_m[is_known].sum()))
+    return (found[0], found[1]), min(known_m)
+
+
 def paint_of_survey(
     lines: LineSet,
     paths: list[Path],
-    option: str,
+    options: tuple[str, ...],
     *,
     crs: str | None,
     allow_outside: bool,
@@ -30,7 +73,9 @@ def paint_of_survey(
     lines
         Lines of the survey.
     paths
-        Its points, given by the option of this name.
+        Its points.
+    options
+        What to leave out where they show no paint.
 
     Raises
     ------
@@ -64,7 +109,9 @@ def paint_of_survey(
         )
         if recordings.points is None or not recordings.points.facts.has_intensity:
             raise InputError(
-                "has no points with intensities", where=paths[0], advice=f"leave {argument(option)} out"
+                "has no points with intensities",
+                where=paths[0],
+                advice=f"leave {' and '.join(argument(o) for o in options)} out",
             )
         for warning in recordings.warnings:
             warn(warning)

@@ -91,7 +91,7 @@ def report_command(
             named = "the lines themselves: " + ", ".join(axis.name for axis in axes)
         paint = (
             paint_of_survey(
-                found, survey, "survey", crs=crs, allow_outside=allow_outside, work=work, quiet=quiet
+                found, survey, ("survey",), crs=crs, allow_outside=allow_outside, work=work, quiet=quiet
             )
             if survey
             else None
