@@ -34,6 +34,7 @@ def write_e57(path, scans, coordinates=""):
     """Write scans: (columns, further), where further may hold pose, limits, start, kinds of fields."""
     file = libe57.ImageFile(str(path), "w")
     file.extensionsAdd("", libe57.E57_V1_0_URI)
+    file.extensionsAdd("x", "http://example.org/x")
     root = file.root()
     root.set("formatName", libe57.StringNode(file, "ASTM E57 3D Imaging Data File"))
     root.set("guid", libe57.StringNode(file, "{a}"))
@@ -180,6 +181,102 @@ def test_intensities_are_brought_to_those_of_laser_files(tmp_path, low, high, ex
     assert (found.intensity.min(), found.intensity.max()) == expected
 
 
+def integers(file):
+    return libe57.IntegerNode(file, 0, 0, 2**31 - 1)
+
+
+@pytest.mark.parametrize(
+    "further",
+    [
+        {"kinds": {"intensity": integers}}, {"limits": (0, 2.0**32 - 1)}, {"limits": (-2048, 2.0**24)},
+        {"limits": (-3.4e38, 3.4e38)},
+    ],
+)  # fmt: skip
+def test_limits_of_a_type_of_numbers_are_not_those_of_intensities(tmp_path, further):
+    columns = columns_of(road_points())
+    columns["intensity"] = np.linspace(0, 4095, 400).round()
+    write_e57(tmp_path / "a.e57", [(columns, {**POSE, **further})])
+    found = read_points(tmp_path / "a.e57", crs=CRS)
+    np.testing.assert_array_equal(np.sort(found.intensity), columns["intensity"])
+
+
+def test_flagged_points_do_not_count_for_the_range_of_intensities(tmp_path):
+    columns = columns_of(road_points(), cartesianInvalidState=np.zeros(400), isIntensityInvalid=np.zeros(400))
+    columns["intensity"] = np.linspace(0.0, 1.0, 400)
+    columns["isIntensityInvalid"][7], columns["intensity"][7] = 1, -1e10
+    columns["cartesianInvalidState"][9], columns["intensity"][9] = 1, 1e9
+    kinds = {"cartesianInvalidState": flag, "isIntensityInvalid": flag}
+    without = {name: values for name, values in columns.items() if not name.startswith("intensity")}
+    for scans in ([columns], [columns, without]):
+        write_e57(tmp_path / "a.e57", [(scan, {**POSE, "kinds": kinds}) for scan in scans])
+        found = read_points(tmp_path / "a.e57", crs=CRS)
+        used = np.delete(columns["intensity"], [7, 9])
+        expected = np.rint(np.concatenate([used * 65_535, np.zeros(1 + 399 * (len(scans) - 1))]))
+        np.testing.assert_array_equal(np.sort(found.intensity), np.sort(expected))
+
+
+def test_coordinates_of_flagged_points_are_not_checked(tmp_path):
+    points = road_points()
+    columns = columns_of(points, cartesianInvalidState=np.arange(400) % 40 == 0)
+    columns["cartesianX"][::40] = 99_999.0
+    kinds = {f"cartesian{c}": single for c in "XYZ"} | {"cartesianInvalidState": flag}
+    write_e57(tmp_path / "a.e57", [(columns, {**POSE, "kinds": kinds})])
+    check_places(read_points(tmp_path / "a.e57", crs=CRS), points.xyz[np.arange(400) % 40 != 0])
+    del columns["cartesianInvalidState"]
+    write_e57(tmp_path / "b.e57", [(columns, {**POSE, "kinds": kinds})])
+    with pytest.raises(InputError, match="up to 99,999 m as 32-bit numbers"):
+        read_points(tmp_path / "b.e57", crs=CRS)
+
+
+def test_time_stamps_of_several_scans_need_the_start_of_each(tmp_path):
+    points = road_points()
+    stamped = columns_of(points, timeStamp=points.time_s)
+    later = {**stamped, "timeStamp": points.time_s - 1e9}
+    write_e57(tmp_path / "a.e57", [(stamped, POSE)])
+    assert np.array_equal(np.sort(read_points(tmp_path / "a.e57", crs=CRS).time_s), np.sort(points.time_s))
+    aside = {"pose": ((1, 0, 0, 0), (*ORIGIN, 0.0, 50.0, 0.0))}
+    write_e57(tmp_path / "b.e57", [(stamped, {**POSE, "start": 0.0}), (later, {**aside, "start": 1e9})])
+    twice = np.sort(np.concatenate([points.time_s, points.time_s]))
+    np.testing.assert_allclose(np.sort(read_points(tmp_path / "b.e57", crs=CRS).time_s), twice, atol=1e-6)
+    write_e57(tmp_path / "c.e57", [(stamped, POSE), (later, {**aside, "start": 1e9})])
+    with pytest.warns(LineworkWarning, match="do not state their start"):
+        found = read_points(tmp_path / "c.e57", crs=CRS)
+    assert found.time_s is None and len(found) == 800
+
+
+@pytest.mark.parametrize("has_own", [True, False])
+def test_fields_of_extensions_are_left_out(tmp_path, has_own):
+    columns = columns_of(road_points()) | {"x:intensity": np.full(400, 9.0)}
+    expected = np.sort(columns["intensity"])
+    if not has_own:
+        del columns["intensity"]
+    write_e57(tmp_path / "a.e57", [(columns, POSE)])
+    if has_own:
+        assert np.array_equal(np.sort(read_points(tmp_path / "a.e57", crs=CRS).intensity), expected)
+    else:
+        with pytest.warns(LineworkWarning, match="no intensity"):
+            assert len(read_points(tmp_path / "a.e57", crs=CRS)) == 400
+
+
+def test_fields_are_compared_once_for_all_scans(tmp_path, monkeypatch):
+    from linework.files.clouds import e57_points
+
+    calls = []
+    compare = e57_points.e57_columns
+    monkeypatch.setattr(e57_points, "e57_columns", lambda scans: calls.append(1) or compare(scans))
+    counts = []
+    for n in (1, 6):
+        scan = columns_of(road_points()), {**POSE, "limits": (0, 65_535)}
+        path = write_e57(tmp_path / f"{n}.e57", [scan] * n)
+        calls.clear()
+        batches = e57_points.read_e57_batches(
+            path, read_las_header(path), factors=(1.0, 1.0), carry=(), batch_points=1000
+        )
+        assert sum(len(batch.xyz) for batch in batches) == 400 * n
+        counts.append(len(calls))
+    assert counts[0] == counts[1] > 0
+
+
 def test_batches_do_not_change_what_is_read(tmp_path):
     from linework.files.clouds.e57_points import read_e57_batches
 
@@ -280,6 +377,8 @@ DAMAGES = [
     ("pose/translation is not 3 numbers", xml_changed(b"<x type=\"Float\">5", b"<x type=\"Float\">nan5")),
     ("a quaternion of length 0 is not a rotation", xml_changed(b'<w type="Float">1<', b'<w type="Float">0<')),
     ("", xml_changed(b'fileOffset="48"', b'fileOffset="999999"')),
+    ("more than 524,288 tags", xml_changed(b"</e57Root>", b"<a/>" * 524_288 + b"</e57Root>")),
+    ("more than 524,288 tags or attributes", xml_changed(b"</e57Root>", b"<a" + b" b=''" * 524_288 + b"/></e57Root>")),
     ("", xml_changed(b'fileOffset="48"', b'fileOffset="0"')),
 ]  # fmt: skip
 

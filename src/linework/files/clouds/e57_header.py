@@ -29,6 +29,8 @@ _PAGE, _SUM = 1024, 4
 _HEADER_BYTES = 48
 #: Largest description: some kB per scan, so that thousands of scans fit. [bytes]
 _MOST_XML_BYTES = 1 << 24
+#: Most tags, and most attributes: some 130 of each per scan, in 4 kB. In memory each takes hundreds of bytes.
+_MOST_MARKS = 1 << 19
 #: Scans have numbers of 16 bits, as sources of laser files have.
 _MOST_SCANS = 65_535
 _MOST_POINTS = 1 << 40
@@ -57,7 +59,7 @@ class E57Scan:
     rotation, translation
         3 x 3, row by row, and 3 numbers [unit of the file]: from the scanner's frame to that of the file.
     start_s
-        GPS time from which the time stamps count; 0 where it is not stated. [s]
+        GPS time from which the time stamps count; None where it is not stated. [s]
     """
 
     number: int
@@ -67,7 +69,7 @@ class E57Scan:
     single: tuple[bool, bool, bool]
     rotation: tuple[float, ...]
     translation: tuple[float, float, float]
-    start_s: float
+    start_s: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +79,9 @@ class E57Scans:
     Parameters
     ----------
     has_time
-        Whether all scans have time stamps.
+        Whether all scans have time stamps, which count from a start that each of several scans states.
     intensity_range
-        Least and largest intensity of all scans, as the file states them; None where it does not.
+        Least and largest intensity of all scans, as the file states them; None where a scan has no limits.
     has_intensity
         Whether a scan has intensities.
     projection
@@ -125,7 +127,7 @@ def read_e57_scans(path: Path) -> E57Scans:
             continue
         scans.append(_scan(path, number, element, prototype, n_points))
         if _INTENSITY in prototype:
-            ranges.append(_intensity_range(element, prototype[_INTENSITY]))
+            ranges.append(_intensity_range(element))
     text = (root.findtext("coordinateMetadata") or "").strip()
     if text and "[" not in text:
         warnings.append(f"coordinateMetadata '{text[:60]}' is not WKT: not used")
@@ -137,12 +139,15 @@ def read_e57_scans(path: Path) -> E57Scans:
     has_time = bool(scans) and all(_TIME in scan.fields for scan in scans)
     if not has_time and any(_TIME in scan.fields for scan in scans):
         warnings.append("some scans have no time stamps: those of the others are not used")
+    if has_time and len(scans) > 1 and any(scan.start_s is None for scan in scans):
+        warnings.append("some scans do not state their start (acquisitionStart): time stamps are not used")
+        has_time = False
     projection = ((_WKT_RECORD, text.encode()),) if text else ()
     return E57Scans(tuple(scans), has_time, bool(ranges), whole, projection, tuple(warnings))
 
 
 def _description(path: Path, file: BinaryIO, n_bytes: int) -> ElementTree.Element:
-    """Return the XML of a file, without the names of its namespaces."""
+    """Return the XML of a file."""
     head = file.read(_HEADER_BYTES)
     if head[:8] != b"ASTM-E57":
         raise InputError("not an E57 file (it does not begin with ASTM-E57)", where=path,
@@ -168,6 +173,14 @@ def _description(path: Path, file: BinaryIO, n_bytes: int) -> ElementTree.Elemen
     text = _bytes_of_pages(file, start, xml_bytes)
     if len(text) < xml_bytes:
         raise InputError("cut off inside its description", where=path, advice=DAMAGED_ADVICE)
+    return _parsed(path, text)
+
+
+def _parsed(path: Path, text: bytes) -> ElementTree.Element:
+    """Return the root of a description. Names of other namespaces than the root's keep theirs, as {namespace}name."""
+    if max(text.count(b"<"), text.count(b"=")) > _MOST_MARKS:
+        raise InputError(f"its description has more than {_MOST_MARKS:,} tags or attributes", where=path,
+                         advice="split it")  # fmt: skip
     declared = re.match(rb"[^>]*encoding\s*=\s*[\"']([^\"']*)", text)
     # The standard has neither; entities grow without bound, or name files elsewhere. Other encodings would hide them
     if b"<!" in text.replace(b"<![CDATA[", b"").replace(b"<!--", b"") or (
@@ -180,8 +193,11 @@ def _description(path: Path, file: BinaryIO, n_bytes: int) -> ElementTree.Elemen
     except (ElementTree.ParseError, ValueError, LookupError, RecursionError) as error:
         raise InputError(f"its description is not XML ({str(error)[:60]})", where=path,
                          advice=DAMAGED_ADVICE) from error  # fmt: skip
+    own = root.tag.rpartition("}")[0]
     for element in root.iter():
-        element.tag = str(element.tag).rpartition("}")[2]
+        space, _, name = str(element.tag).rpartition("}")
+        if space == own:
+            element.tag = name
     return root
 
 
@@ -200,15 +216,19 @@ def _bytes_of_pages(file: BinaryIO, start: int, n_bytes: int) -> bytes:
 
 
 def _prototype(path: Path, number: int, element: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """Return the fields of the points by their names; those of extensions, in other namespaces, are left out."""
     points = element.find("points")
-    found = None if points is None else points.find("prototype")
-    if found is None:
+    prototype = None if points is None else points.find("prototype")
+    if prototype is None:
         raise InputError(f"scan {number} has no points element", where=path, advice=DAMAGED_ADVICE)
-    names = [str(field.tag) for field in found]
-    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
-    if twice is not None:
-        raise InputError(f"scan {number}: two fields named {twice[:40]}", where=path, advice=DAMAGED_ADVICE)
-    return dict(zip(names, found, strict=True))
+    fields: dict[str, ElementTree.Element] = {}
+    for field in prototype:
+        name = str(field.tag)
+        if name in fields:
+            raise InputError(f"scan {number}: two fields named {name[:40]}", where=path, advice=DAMAGED_ADVICE)
+        if "}" not in name:
+            fields[name] = field
+    return fields
 
 
 def _n_points(
@@ -256,10 +276,10 @@ def _scan(
     rotation = _pose(path, number, element, "pose/rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
     x, y, z = _pose(path, number, element, "pose/translation", "xyz", (0.0, 0.0, 0.0))
     start = element.find("acquisitionStart/dateTimeValue")
-    start_s = 0.0 if start is None else _value(start)
+    start_s = math.nan if start is None else _value(start)
     return E57Scan(
         number, n_points, tuple(prototype), place, (a, b, c), _matrix(path, number, rotation), (x, y, z),
-        start_s if math.isfinite(start_s) else 0.0,
+        start_s if math.isfinite(start_s) else None,
     )  # fmt: skip
 
 
@@ -291,27 +311,18 @@ def _matrix(path: Path, number: int, quaternion: tuple[float, ...]) -> tuple[flo
     )  # fmt: skip
 
 
-def _intensity_range(element: ElementTree.Element, field: ElementTree.Element) -> tuple[float, float] | None:
-    """Return what a scan states of its intensities: their limits, or those of the numbers that they are stored as."""
+def _intensity_range(element: ElementTree.Element) -> tuple[float, float] | None:
+    """Return the limits of a scan's intensities; what its numbers could hold (minimum, maximum) is wider than those."""
     limits = [element.find(f"intensityLimits/intensity{end}") for end in ("Minimum", "Maximum")]
     stated = [math.nan if limit is None else _value(limit) for limit in limits]
-    if not _is_range(*stated) and field.get("type") != "Float":
-        stated = [_scaled(field, field.get(end, "")) for end in ("minimum", "maximum")]
-    return (stated[0], stated[1]) if _is_range(*stated) else None
-
-
-def _is_range(low: float, high: float) -> bool:
-    return math.isfinite(low) and math.isfinite(high) and low < high
+    low, high = stated
+    return (low, high) if math.isfinite(low) and math.isfinite(high) and low < high else None
 
 
 def _value(element: ElementTree.Element) -> float:
     """Return the number of an element; NaN where it is none. An empty element is 0."""
-    return _scaled(element, (element.text or "").strip() or "0")
-
-
-def _scaled(element: ElementTree.Element, text: str) -> float:
     try:
-        number = float(text)
+        number = float((element.text or "").strip() or "0")
         if element.get("type") == "ScaledInteger":
             number = number * float(element.get("scale", "1")) + float(element.get("offset", "0"))
     except ValueError:

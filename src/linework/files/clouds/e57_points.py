@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,15 +39,16 @@ def read_e57_batches(
     fields = e57_columns(scans)
     low, factor = _intensity_scale(path, scans, batch_points)
     for scan, values in _read(path, scans, batch_points):
-        xyz = _placed(path, scan, values)
+        missing = _flags(values, _NO_PLACE[scan.place == CARTESIAN])
+        xyz = _placed(path, scan, values, missing)
         xyz *= np.array([factors[0], factors[0], factors[1]])
         n = len(xyz)
         intensity = np.zeros(n, dtype=np.uint16)
         if "intensity" in values:
-            scaled = np.nan_to_num((values["intensity"] - low) * factor)
+            with np.errstate(over="ignore", invalid="ignore"):
+                scaled = np.nan_to_num((values["intensity"] - low) * factor)
             intensity[:] = np.clip(np.rint(scaled), 0, MOST_INTENSITY)
-            if _NO_INTENSITY in values:
-                intensity[values[_NO_INTENSITY] != 0.0] = 0
+            intensity[_flags(values, _NO_INTENSITY)] = 0
         columns = np.full((len(carry), n), np.nan, dtype=np.float32)
         for i, name in enumerate(carry):
             if name == "point_source_id":
@@ -55,7 +56,6 @@ def read_e57_batches(
             elif name in fields:
                 # Returns count from 0
                 columns[i] = values[fields[name]] + (name == "return_number")
-        missing = np.asarray(values.get(_NO_PLACE[scan.place == CARTESIAN], np.zeros(n)) != 0.0)
         with np.errstate(invalid="ignore"):
             absurd = np.asarray(~(np.abs(xyz) < FARTHEST_COORDINATE_M).all(axis=1))
         time, untimed = _times(scan, values) if scans.has_time else (None, None)
@@ -65,25 +65,29 @@ def read_e57_batches(
         )
 
 
+def _flags(values: Mapping[str, FloatArray], name: str) -> BoolArray:
+    n = len(next(iter(values.values())))
+    return np.asarray(values[name] != 0.0) if name in values else np.zeros(n, dtype=np.bool_)
+
+
 def _or_none(mask: BoolArray) -> BoolArray | None:
     return mask if mask.any() else None
 
 
 def _times(scan: E57Scan, values: Mapping[str, FloatArray]) -> tuple[FloatArray, BoolArray | None]:
-    time = values["timeStamp"] + scan.start_s
-    if _NO_TIME in values:
-        time[values[_NO_TIME] != 0.0] = np.nan
+    time = values["timeStamp"] + (scan.start_s or 0.0)
+    time[_flags(values, _NO_TIME)] = np.nan
     with np.errstate(invalid="ignore"):
         return time, _or_none(np.asarray(~((time >= EARLIEST_S) & (time <= LATEST_S))))
 
 
-def _placed(path: Path, scan: E57Scan, values: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the coordinates (n, 3) in the frame of the file, in its unit."""
+def _placed(path: Path, scan: E57Scan, values: Mapping[str, FloatArray], missing: BoolArray) -> FloatArray:
+    """Return the coordinates (n, 3) in the frame of the file, in its unit; those of missing points are not checked."""
     first, second, third = (values[name] for name in scan.place)
     with np.errstate(over="ignore", invalid="ignore"):
         if scan.place == CARTESIAN:
             coarse = [i for i, single in enumerate(scan.single) if single]
-            check_steps(path, np.stack([first, second, third], axis=1), coarse)
+            check_steps(path, np.stack([first, second, third], axis=1)[~missing], coarse)
             x, y, z = first, second, third
         else:
             level = first * np.cos(third)
@@ -97,20 +101,27 @@ def _intensity_scale(path: Path, scans: E57Scans, n_batch: int) -> tuple[float, 
     """Return what is taken off intensities, and the factor that brings them to 0 to 65,535.
 
     Shares of one are of full scale, and what fits is taken as it is, so that files stay comparable; other ranges, such as
-    decibels, are stretched, all scans of a file alike.
+    decibels, are stretched, all scans of a file alike. Limits that are wider than all values of a laser file are those of
+    a type of numbers, over which the intensities would become one: then the range is that of the points.
     """
     if not scans.has_intensity:
         return 0.0, 1.0
-    low, high = scans.intensity_range or _range_in_points(path, scans, n_batch)
+    low, high = scans.intensity_range or (-np.inf, np.inf)
+    if high - low > MOST_INTENSITY:
+        low, high = _range_in_points(path, scans, n_batch)
     if low >= 0.0 and high <= MOST_INTENSITY:
         return 0.0, float(MOST_INTENSITY) if high <= 1.0 else 1.0
     return low, MOST_INTENSITY / (high - low) if high > low else 1.0
 
 
 def _range_in_points(path: Path, scans: E57Scans, n_batch: int) -> tuple[float, float]:
+    """Return the least and largest intensity of the points that have a place and an intensity to be used."""
     low, high = np.inf, -np.inf
-    for _, values in _read(path, scans, n_batch, only=("intensity",)):
-        given = values.get("intensity", np.zeros(0))
+    for scan, values in _read(path, scans, n_batch, only=("intensity", _NO_INTENSITY, *_NO_PLACE.values())):
+        if "intensity" not in values:
+            continue
+        unused = _flags(values, _NO_INTENSITY) | _flags(values, _NO_PLACE[scan.place == CARTESIAN])
+        given = values["intensity"][~unused]
         given = given[np.isfinite(given)]
         low, high = min(low, float(given.min(initial=np.inf))), max(high, float(given.max(initial=-np.inf)))
     return (low, high) if low <= high else (0.0, 0.0)
@@ -121,6 +132,7 @@ def _read(
 ) -> Iterator[tuple[E57Scan, dict[str, FloatArray]]]:
     """Yield the values (n,) of fields in batches, scan after scan; overwritten by the next ones."""
     libe57 = needed("pye57.libe57", "e57", where=path)
+    further = frozenset(e57_columns(scans).values())
     n_read = 0
     with contextlib.ExitStack() as held:
         plain = held.enter_context(plainly_named(path))
@@ -128,7 +140,7 @@ def _read(
             file = libe57.ImageFile(str(plain), "r")
             held.callback(file.close)
             for scan in scans.scans:
-                wanted = [name for name in _wanted(scan, scans) if not only or name in only]
+                wanted = [name for name in _wanted(scan, further, scans.has_time) if not only or name in only]
                 if not wanted:
                     continue
                 n_scan = 0
@@ -148,9 +160,8 @@ def _read(
             ) from error  # fmt: skip
 
 
-def _wanted(scan: E57Scan, scans: E57Scans) -> list[str]:
-    times = ("timeStamp", _NO_TIME) if scans.has_time else ()
-    further = tuple(field for field in e57_columns(scans).values() if field)
+def _wanted(scan: E57Scan, further: Collection[str], has_time: bool) -> list[str]:
+    times = ("timeStamp", _NO_TIME) if has_time else ()
     flag = _NO_PLACE[scan.place == CARTESIAN]
     return [
         name for name in scan.fields
