@@ -256,6 +256,24 @@ def test_wires_above_one_another_are_two():
     assert again.before.id.tolist() == ["low"]
 
 
+def test_what_was_measured_of_a_wire_stays_when_a_part_is_followed_again():
+    wire = straight(0, 40, name="w", kind="cable", up=6.0)
+    change = kept_change(wire, straight(15, 60, kind="cable", up=6.0), (0, 45), wire)
+    assert change.after.id.tolist() == ["w"] and change.before.id.tolist() == ["w"]
+    assert change.after.length_m.tolist() == pytest.approx([60.0], abs=0.1)
+    covered = kept_change(wire, straight(-1, 41, kind="cable", up=6.0), (0, 42), wire)
+    assert covered.after.id.tolist() == ["w"]
+    assert covered.after.length_m.tolist() == pytest.approx([42.0], abs=0.1)
+
+
+def test_a_piece_under_the_gap_of_a_continued_wire_is_replaced():
+    wire, piece = (straight(a, b, name=n, kind="cable", up=6.0) for a, b, n in ((0, 40, "w"), (42, 48, "p")))
+    lines = LineSet.concatenate([wire, piece])
+    change = kept_change(lines, straight(50, 80, kind="cable", up=6.0), (0, 30), wire)
+    assert sorted(change.before.id.tolist()) == ["p", "w"]
+    assert change.after.length_m.tolist() == pytest.approx([80.0], abs=0.1)
+
+
 def test_a_wire_that_is_followed_again_from_its_end_stays_one(tmp_path):
     with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as line_file:
         line_file.commit(

@@ -234,7 +234,7 @@ def test_time_stamps_of_several_scans_need_the_start_of_each(tmp_path):
     later = {**stamped, "timeStamp": points.time_s - 1e9}
     write_e57(tmp_path / "a.e57", [(stamped, POSE)])
     assert np.array_equal(np.sort(read_points(tmp_path / "a.e57", crs=CRS).time_s), np.sort(points.time_s))
-    aside = {"pose": ((1, 0, 0, 0), (*ORIGIN, 0.0, 50.0, 0.0))}
+    aside = {"pose": ((1, 0, 0, 0), np.add(ORIGIN, (0.0, 50.0, 0.0)))}
     write_e57(tmp_path / "b.e57", [(stamped, {**POSE, "start": 0.0}), (later, {**aside, "start": 1e9})])
     twice = np.sort(np.concatenate([points.time_s, points.time_s]))
     np.testing.assert_allclose(np.sort(read_points(tmp_path / "b.e57", crs=CRS).time_s), twice, atol=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -87,7 +88,8 @@ class Suspect:
     def key(self) -> str:
         """Key of its subject, a line or a gap from a place on; stable as long as the subject exists."""
         if self.type == "sure":
-            return self.type
+            # Of these lines: dismissed, it comes again with others
+            return f"sure {hashlib.blake2b(' '.join(sorted(self.ids)).encode(), digest_size=8).hexdigest()}"
         if self.type in ("line", "dashes"):
             return f"{self.type} {self.ids[0]}"
         east, north = (int(np.floor(v)) for v in self.at)

@@ -14,6 +14,7 @@ from linework.editing.edits.continued import SAME_LINE_M, Gap, continue_lines
 from linework.editing.edits.split_join import join_two_lines
 from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import UsageError
+from linework.lines.along import line_stretch
 from linework.methods.obb.trace import COMPANION_BESIDE_M, companions_of
 from linework.model.changes import Change
 from linework.model.lines import LineSet
@@ -64,7 +65,6 @@ def kept_change(
         id=np.array([""])
     )
     gone: list[int] = []
-    again = _same_wire(one, lines) if str(one.kind[0]) == "cable" else []
     if continues is not None:
         if str(continues.kind[0]) != str(one.kind[0]):
             raise UsageError(
@@ -72,11 +72,15 @@ def kept_change(
                 advice="follow the kind of the line",
             )  # fmt: skip
         gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
-        if not set(gone) & set(again):
-            others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
+        others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
+        if str(one.kind[0]) == "cable" and _share_on(continues, one) > _MOST:
+            for part in _beyond(continues, one):
+                one = join_two_lines(one, part, others)
+            one = one.with_columns(id=continues.id)
+        else:
             one = join_two_lines(continues, one, others)
     if str(one.kind[0]) == "cable":
-        absorbed = [k for k in again if k not in gone]
+        absorbed = [k for k in _same_wire(one, lines) if k not in gone]
     else:
         one, absorbed = _grown(one, lines, gone)
     new = [one]
@@ -96,12 +100,25 @@ def kept_change(
 
 def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
     """Return the indices of cables that are the same as one: within `SAME_WIRE_M` in space."""
-    tree, found = cKDTree(stations_of(one.xyz)), []
-    for k in np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist():
-        distance, _ = tree.query(lines[k].xyz, distance_upper_bound=SAME_WIRE_M)
-        if np.isfinite(distance).mean() > _MOST:
-            found.append(k)
-    return found
+    cables = np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist()
+    return [k for k in cables if _share_on(lines.take([k]), one) > _MOST]
+
+
+def _share_on(wire: LineSet, one: LineSet) -> float:
+    """Return the share of the vertices of a wire that lie on another."""
+    away, _ = cKDTree(stations_of(one.xyz)).query(wire.xyz, distance_upper_bound=SAME_WIRE_M)
+    return float(np.isfinite(away).mean())
+
+
+def _beyond(wire: LineSet, one: LineSet) -> list[LineSet]:
+    """Return what of a wire lies before and behind the part that another one follows."""
+    places = stations_of(wire.xyz)
+    away, _ = cKDTree(stations_of(one.xyz)).query(places, distance_upper_bound=SAME_WIRE_M)
+    on = np.flatnonzero(np.isfinite(away))
+    length_m = float(distance_along(wire.xyz[:, :2], in_space=True)[-1])
+    first, last = (length_m * float(on[k]) / (len(places) - 1) for k in (0, -1))
+    ends = ((0.0, first), (last, length_m))
+    return [line_stretch(wire, a, b) for a, b in ends if b - a > 2.0 * SAME_WIRE_M]
 
 
 def stations_of(xyz: FloatArray) -> FloatArray:

@@ -114,8 +114,11 @@ def _dismissals(entries: Iterable[HistoryEntry]) -> dict[int, str]:
 
 
 def queue_items(suspects: Iterable[Suspect], dismissed: Container[str]) -> list[QueueItem]:
-    """Return the items of suspects whose keys are not dismissed, `MOST_ITEMS` at most."""
-    return [queue_item(suspect) for suspect in suspects if suspect.key not in dismissed][:MOST_ITEMS]
+    """Return the items of suspects whose keys are not dismissed, `MOST_ITEMS` at most; what is sure is never cut off."""
+    open_ = [suspect for suspect in suspects if suspect.key not in dismissed]
+    sure = [suspect for suspect in open_ if suspect.type == "sure"]
+    others = [suspect for suspect in open_ if suspect.type != "sure"][: MOST_ITEMS - len(sure)]
+    return [queue_item(suspect) for suspect in (*others, *sure)]
 
 
 def queue_item(suspect: Suspect) -> QueueItem:
