@@ -197,6 +197,7 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
         kerbs = of_kinds(stages.tracked.take(stages.tracked.form == "kerb"), "road_boundary")
         seen = is_near(missed, stripe, BOX_M)
         window_m = WINDOW_M if kind == "lane_marking" else SHORT_WINDOW_M
+        t = stripe_ts(missed, stages, window_m)
         causes += [
             (THROWN_AWAY[kind], is_near(missed, before, OFF_M)),
             ("seen, thrown away beside a kerb", seen & is_near(missed, kerbs, THING_M)),
@@ -204,8 +205,8 @@ def missed_causes(kind: str, missed: Places, found: LineSet, truth: LineSet, sta
             ("seen, not linked", seen),
             ("seen as wide paint", is_near(missed, other, OFF_M, any_direction=True)),
             ("off what was taken for road", ~on_road(missed, stages.ground)),
-            ("few points on it", n_points_on(missed, stages, ON_PAINT_M) < FEW_POINTS),
-            ("no brighter than the road beside it", ~stands_out(missed, stages, window_m)),
+            ("few points on it", (n_points_on(missed, stages, ON_PAINT_M) < FEW_POINTS) | np.isnan(t)),
+            ("no brighter than the road beside it", t < LEAST_STRIPE_T),
         ]
         return first_cause(causes, "not seen as paint")
     if kind in ("road_boundary", "kerb_top"):
@@ -295,12 +296,15 @@ def n_points_on(places: Places, stages: Stages, within_m: float) -> FloatArray:
     return np.array(counts)
 
 
-def stands_out(places: Places, stages: Stages, window_m: float) -> BoolArray:
-    """Whether the points on each place are brighter than the road on both sides of it: direction known, offset nearly."""
-    held = np.zeros(len(places), dtype=np.bool_)
+def stripe_ts(places: Places, stages: Stages, window_m: float) -> FloatArray:
+    """How far the points on each place stand out from the road on both sides of it: direction known, offset nearly.
+
+    NaN where there are too few points to compare.
+    """
+    t = np.full(len(places), np.nan)
     intensity = stages.points.intensity
     if intensity is None or not len(places):
-        return held
+        return t
     xyz = stages.points.xyz
     tree = cKDTree(xyz[:, :2])
     reach_m = float(np.hypot(window_m, BESIDE_STRIPE_M[1] + max(STRIPE_OFFSETS_M)))
@@ -310,17 +314,17 @@ def stands_out(places: Places, stages: Stages, window_m: float) -> BoolArray:
         inside = (np.abs(away[:, :2] @ along) <= window_m) & (np.abs(away[:, 2]) <= ON_PAINT_M)
         across = (away[:, 1] * along[0] - away[:, 0] * along[1])[inside]
         brightness = intensity[near][inside].astype(np.float64)
-        held[i] = max(stripe_t(brightness, across - off) for off in STRIPE_OFFSETS_M) >= LEAST_STRIPE_T
-    return held
+        t[i] = np.fmax.reduce([stripe_t(brightness, across - off) for off in STRIPE_OFFSETS_M])
+    return t
 
 
 def stripe_t(brightness: FloatArray, across: FloatArray) -> float:
-    """Difference of the points (n,) on a line and those on its brighter side, over its standard deviation."""
+    """Difference of the points (n,) on a line and those on its brighter side, over its standard deviation; NaN for few."""
     from_m, to_m = BESIDE_STRIPE_M
     on = brightness[np.abs(across) <= ON_STRIPE_M]
     sides = [brightness[(s * across >= from_m) & (s * across <= to_m)] for s in (1.0, -1.0)]
     if min(len(on), *map(len, sides)) < FEWEST_COMPARED:
-        return -np.inf
+        return np.nan
     return min(
         float((on.mean() - side.mean()) / max(np.sqrt(on.var() / len(on) + side.var() / len(side)), 1e-9))
         for side in sides

@@ -47,6 +47,14 @@ def points(x_step: float = 0.05, paint: float = 90.0) -> Points:
     return Points(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), intensity=intensity)
 
 
+def beside_the_middle(paint: float) -> Points:
+    """Points 12 cm beside the middle of the line, so that no window of 4 cm to both sides of it holds any."""
+    dense = points(paint=paint)
+    xyz = dense.xyz.copy()
+    xyz[xyz[:, 1] == 3.0, 1] = 3.12
+    return Points(xyz, intensity=dense.intensity)
+
+
 def stages(**changes) -> Stages:
     told = {
         "boxes": BoxSet.concatenate([]), "tracked": LineSet.empty(), "ground": ground(),
@@ -70,6 +78,8 @@ TRUTH = line("lane_marking", 3.0)
         ("no brighter than the road beside it", NOTHING, {"points": points(paint=40.0)}),
         ("no brighter than the road beside it", NOTHING, {"points": points(paint=20.0)}),
         ("few points on it", NOTHING, {"points": points(0.5)}),
+        # Without 4 points on the middle of the paint nothing can be compared, however bright they are
+        ("few points on it", NOTHING, {"points": beside_the_middle(200.0)}),
         ("off what was taken for road", NOTHING, {"ground": ground(road=False)}),
         ("seen as wide paint", NOTHING, {"boxes": boxes(BoxForm.OTHER_PAINT, 3.1)}),
         ("seen, not linked", NOTHING, {"boxes": boxes(BoxForm.STRIPE, 3.05)}),
