@@ -130,11 +130,25 @@ def test_a_lane_goes_on_over_a_few_metres_where_neither_bound_was_measured(hidde
         assert 0.9 < lanes.measured_share[0] < 1.0
 
 
-@pytest.mark.parametrize(("measured_m", "is_lane"), [(7, True), (2, False)])
-def test_a_bound_that_is_more_guessed_than_measured_bounds_no_lane(measured_m, is_lane):
-    guessed = measured_m < X % 20
-    lanes = find_lanes(road(EDGE, CENTRE, bridged=np.concatenate([np.zeros(101, dtype=bool), guessed])))
-    assert (len(lanes) > 0) == is_lane
+@pytest.mark.parametrize("begin_m", [40.0, 40.2, 40.4, 40.5, 40.7, 40.95])
+@pytest.mark.parametrize(("gap_m", "n"), [(5.5, 1), (6.0, 1), (7.5, 2)])
+def test_the_gap_that_a_lane_goes_over_does_not_depend_on_where_stations_are(gap_m, n, begin_m):
+    gap = begin_m + gap_m * np.array([0.0, 0.5, 1.0])
+    x = np.union1d(X[(gap[0] > X) | (gap[2] < X)], gap)
+    shapes = [np.column_stack([x, np.full(len(x), y), np.full(len(x), 100.0)]) for y in (0.0, 3.5)]
+    lines = LineSet.from_lines(
+        shapes, id=["centre", "edge"], kind=["lane_marking"] * 2, role=["centre", "edge"],
+        sigma_xy_m=np.full(2 * len(x), 0.01), bridged=np.tile(x == gap[1], 2),
+    )  # fmt: skip
+    assert len(find_lanes(lines)) == n
+
+
+def test_a_lane_whose_bound_was_hardly_measured_is_less_sure():
+    guessed = X % 20 > 3
+    (lane,) = find_lanes(
+        road(EDGE, CENTRE, bridged=np.concatenate([np.zeros(101, dtype=bool), guessed]))
+    ).centre
+    assert 0.5 < lane.confidence < 0.7
 
 
 @pytest.mark.parametrize(("role", "n"), [("", 0), ("lane", 1)])
@@ -143,6 +157,26 @@ def test_short_paint_of_unknown_role_beside_other_paint_bounds_no_lane(role, n):
     stray = ("stray", "lane_marking", lambda x: np.where(x < 50, -2.4, np.nan), role, "solid")
     found = pairs(find_lanes(road(EDGE, stray, FAR), widths_m=(2.2, 6.5)))
     assert sum("stray" in pair for pair in found) == n
+
+
+@pytest.mark.parametrize("longer_m", [0.0, 2.0])
+def test_paint_beside_a_stray_bounds_lanes_whatever_the_order_of_lines(longer_m):
+    """Of two lines as long as each other as well: one of them is left, and the space up to it is a lane."""
+    outer = ("outer", "lane_marking", 3.5, "", "solid")
+    inner = ("inner", "lane_marking", lambda x: np.where(x < 101 - longer_m, 2.4, np.nan), "", "solid")
+    centre = ("centre", "lane_marking", 0.0, "centre", "dashed")
+    lines = road(outer, inner, centre)
+    found = [find_lanes(lines.take(order)) for order in ([0, 1, 2], [1, 0, 2], [2, 1, 0], [2, 0, 1])]
+    (pair,) = {frozenset(pair) for lanes in found for pair in pairs(lanes)}
+    assert [len(lanes) for lanes in found] == [1] * 4
+    assert "centre" in pair and (pair == {"centre", "outer"} or longer_m == 0.0)
+
+
+def test_a_stray_between_paint_and_a_kerb_does_not_end_the_lane():
+    stray = ("stray", "lane_marking", lambda x: np.where(x < 60, 1.0, np.nan), "", "solid")
+    left, right = ("left", "road_boundary", 3.0, "", ""), ("right", "road_boundary", -3.0, "", "")
+    found = {frozenset(p) for p in pairs(find_lanes(road(CENTRE, stray, left, right)))}
+    assert found == {frozenset({"centre", "left"}), frozenset({"centre", "right"})}
 
 
 def test_a_wedge_is_no_lane():

@@ -30,12 +30,9 @@ _SHORTEST_LANE_M = 5.0
 #: Shorter paint along a road is as often a bay, a bus stop, letters or an arrow as the bound of a lane. [m]
 _SHORTEST_BOUND_M = 20.0
 #: Longest stretch on which neither bound was measured, within a lane: shorter than the mouth of any side street, whose
-#: lane of 3 m has corners of 1.5 m at least. Worn paint and parked cars hide both bounds at once over less. [m]
+#: lane of 3 m has corners of 1.5 m at least. Worn paint and parked cars hide both bounds at once over less. It is counted
+#: in stations, so that of gaps up to 1 m longer some are carried. [m]
 _CARRIED_M = 6.0
-#: Share of the stations on so many metres of a lane at which each of its bounds was measured, at least: below, the bound
-#: is more guessed than measured, and as often as not it is another line. The distance is that over which road
-#: authorities judge paint (CS 126: means per 100 m). [1, m]
-_LEAST_SHARE, _SHARE_REACH_M = 0.2, 100.0
 #: The lines of a double line are nearer than this. [m]
 _DOUBLE_M = 1.0
 #: Paint beside other paint: farther apart than a double line of two 0.15 m stripes with a gap of 0.2 m, and nearer than
@@ -107,9 +104,9 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
     paint and at least one of them measured, with nothing between. There are none across junctions, where bounds end.
 
     A space is a lane where its width is within `widths_m` [m] and changes by at most 0.1 m/m, with one surface between its
-    bounds, both of which were measured on more than 5 m of it and each on more than a fifth of every 100 m. It goes on
-    over up to 6 m on which neither was measured. Between paint and the end of the carriageway that holds only where the
-    paint is known to be a centre or lane line: outside an edge line there are shoulders and parking strips.
+    bounds, both of which were measured on more than 5 m of it. It goes on over up to 6 stations at which neither
+    was measured. Between paint and the end of the carriageway that holds only where the paint is known to be a centre or
+    lane line: outside an edge line there are shoulders and parking strips.
     """
     rank = np.array([BOUND_KINDS.index(k) if k in BOUND_KINDS else 9 for k in lines.kind.tolist()])
     roads: list[LaneRoad] = []
@@ -123,6 +120,9 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
         station_m = np.linspace(0.0, curve.length_m, n + 1)
         rows = _rows(lines, curve, station_m)
         barred.add(rows)
+        if i in barred.strays:
+            continue
+        rows = [[row for row in here if row.line not in barred.strays] for here in rows]
         wedges, carried = _wedges(rows, widths_m[0]), _carried(rows)
         profiles = [_profile(lines, here, i, taken, widths_m, carried[k]) for k, here in enumerate(rows)]
         for first, last in runs_of(np.array([p is not None for p in profiles])):
@@ -193,7 +193,8 @@ def _carried(rows: Sequence[Sequence[_Bound]]) -> list[set[tuple[int, int]]]:
     found: list[set[tuple[int, int]]] = [set() for _ in rows]
     for pair, places in stations.items():
         for a, b in pairwise(places):
-            if (b - a) * STATION_M <= _CARRIED_M:
+            # What was measured at both ends is no part of the gap
+            if (b - a - 1) * STATION_M <= _CARRIED_M:
                 for between in found[a + 1 : b]:
                     between.add(pair)
     return found
@@ -265,10 +266,12 @@ class _Barred:
         self._is_kerb = lines.form == "kerb"
         self._is_unknown = self._is_paint & (lines.role == "")
         self._length_m = lines.length_m
-        self._strays: set[int] = set()
+        self._size = _sizes(lines)
+        #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
+        self.strays: set[int] = set()
         self._accompanied: set[int] = set()
         self._beside_edge: set[int] = set()
-        self._inside: set[tuple[int, int]] = set()
+        self._inside: dict[tuple[int, int], set[int]] = defaultdict(set)
 
     def add(self, rows: Sequence[Sequence[_Bound]]) -> None:
         """Take in what crosses the perpendiculars of a road."""
@@ -289,21 +292,23 @@ class _Barred:
                     and self._is_paint[b.line]
                     and _NEITHER_M[0] < apart < _NEITHER_M[1]
                 ):
-                    shorter = min((a.line, b.line), key=lambda i: (self._length_m[i], i))
+                    shorter = min((a.line, b.line), key=lambda i: self._size[i])
                     beside[shorter] += 1
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
-                if is_mixed and any(self._is_paint[c.line] for c in here[i + 1 : j]):
-                    self._inside.add((a.line, b.line))
+                if is_mixed:
+                    self._inside[a.line, b.line] |= {
+                        c.line for c in here[i + 1 : j] if self._is_paint[c.line]
+                    }
         # For most of its length: where roads part, lines run together for a short while
         for line, n in beside.items():
             if self._is_unknown[line] and n * STATION_M > 0.5 * self._length_m[line]:
-                self._strays.add(line)
+                self.strays.add(line)
 
     def has(self, pair: tuple[int, int]) -> bool:
         """Return whether two neighbouring lines bound no lane."""
         paint = [line for line in pair if self._is_paint[line]]
-        if any(self._is_short[line] or line in self._strays for line in paint) or pair in self._inside:
+        if any(self._is_short[line] for line in paint) or self._inside.get(pair, set()) - self.strays:
             return True
         if len(paint) != 1:
             return not paint
@@ -313,6 +318,20 @@ class _Barred:
             return True
         is_alone = self._may_be_alone[paint[0]] and paint[0] not in self._accompanied
         return not (self._is_inner[paint[0]] or is_alone)
+
+
+def _sizes(lines: LineSet) -> list[tuple[float, float, list[list[float]]]]:
+    """Return what orders lines by length: of lines as long as each other by what was measured, then by their ends."""
+    step_m = np.hypot(*np.diff(lines.xyz[:, :2], axis=0).T)
+    owner = lines.line_of_vertex
+    is_measured = (owner[1:] == owner[:-1]) & ~lines.bridged[1:] & ~lines.bridged[:-1]
+    measured_m = np.bincount(owner[1:], np.where(is_measured, step_m, 0.0), len(lines))
+    # A tenth of a millimetre is no difference
+    lengths = zip(np.round(lines.length_m, 4).tolist(), np.round(measured_m, 4).tolist(), strict=True)
+    spans = pairwise(lines.offsets.tolist())
+    return [
+        (*both, sorted(lines.xyz[[a, b - 1]].tolist())) for both, (a, b) in zip(lengths, spans, strict=True)
+    ]
 
 
 def _settled(
@@ -336,9 +355,8 @@ def _settled(
         if barred.has(pair):
             continue
         wedge = wedges.get(pair, set())
-        is_known = _is_measured_enough(places)
         is_lane = np.array([place.is_lane and first_station + place.station not in wedge for place in places])
-        for first, last in runs_of(is_lane & is_known):
+        for first, last in runs_of(is_lane):
             run = places[first : last + 1]
             cuts = [
                 i + 1
@@ -360,17 +378,6 @@ class _Space(NamedTuple):
     width_m: float
     is_lane: bool
     is_measured: tuple[bool, bool]
-
-
-def _is_measured_enough(places: Sequence[_Space]) -> BoolArray:
-    """Return at which stations (n,) each bound of a space was measured at enough of those around."""
-    station = np.array([place.station for place in places])
-    counted = np.vstack([[0, 0], np.cumsum([place.is_measured for place in places], axis=0)])
-    reach = 0.5 * _SHARE_REACH_M / STATION_M
-    first = np.searchsorted(station, station - reach)
-    last = np.searchsorted(station, station + reach, side="right")
-    share = (counted[last] - counted[first]) / (last - first)[:, None]
-    return np.asarray(share.min(axis=1) > _LEAST_SHARE)
 
 
 def _wedges(rows: Sequence[Sequence[_Bound]], least_m: float) -> dict[tuple[int, int], set[int]]:
