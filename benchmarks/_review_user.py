@@ -63,9 +63,12 @@ class User:
     def settle(self, item):
         """Do about an item of the queue what a person would do."""
         before = self.n_actions
-        done = {"line": self._judge, "dashes": self._take_or_leave, "sure": self._take_sure}.get(
-            item.type, self._fill
-        )(item)
+        done = {
+            "line": self._judge,
+            "dashes": self._take_or_leave,
+            "sure": self._take_sure,
+            "rest": self._leave,
+        }.get(item.type, self._fill)(item)
         self.told.append((item, done, self.n_actions - before))
 
     def do(self, edit, given=None, cost=1):
@@ -112,38 +115,27 @@ class User:
         self.do(queue_item(item).proposal)
         return "accepted"
 
+    def _leave(self, item):
+        """Leave lines of which hardly any length is expected to be wrong."""
+        self.do({"action": "dismiss", "key": item.key})
+        return "left"
+
     def _take_or_leave(self, item):
         """Take what is proposed if what comes of it is right."""
         if self._proposed(item):
             self.do(queue_item(item).proposal)
             return "taken"
-        right = self._right_of(item) if len(item.ids) > 1 else []
-        if right and len(right) < self.left:
-            # Each line is chosen with a click, then it is one key
-            self.do({"action": "dashes", "ids": right}, cost=1 + len(right))
-            return f"taken for {len(right)} lines"
         self.do({"action": "dismiss", "key": item.key})
         return "dismissed"
 
-    def _right_of(self, item):
-        """Return which lines of an item about dashes would get right ones."""
-        right = []
-        for name in item.ids:
-            order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "dashes", "ids": [name]}})
-            try:
-                new = added(change_of(order.edit, self.line_file.lines, self._given(order.edit)))
-            except UsageError:
-                continue
-            if right_share(new, self.truth) >= RIGHT:
-                right.append(name)
-        return right
-
     def _proposed(self, item):
-        """Whether a proposal would be right: what it adds."""
+        """Whether a proposal would be right."""
         proposal = queue_item(item).proposal
-        if proposal is None:
-            return False
-        order = ChangeOrder.model_validate({"revision": 0, "edit": proposal})
+        return proposal is not None and self._adds_right(proposal)
+
+    def _adds_right(self, edit):
+        """Whether what an edit adds would be right."""
+        order = ChangeOrder.model_validate({"revision": 0, "edit": edit})
         try:
             change = change_of(order.edit, self.line_file.lines, self._given(order.edit))
         except UsageError:
@@ -157,8 +149,9 @@ class User:
         if not runs:
             self.do({"action": "dismiss", "key": item.key})
             return "dismissed: nothing is missing"
-        if self._proposed(item):
-            self.do(queue_item(item).proposal)
+        joint = {"action": "join", "ids": list(item.ids)}  # the item selects both
+        if len(item.ids) == 2 and self._adds_right(joint):
+            self.do(joint)
             return "joined"
         length_m, xyz, lacks_m = runs[0]
         attempt = (item.key, *np.round(xyz[len(xyz) // 2], 1).tolist())

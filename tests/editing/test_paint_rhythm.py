@@ -37,6 +37,17 @@ def test_dashes_of_which_half_is_gone_are_seen_together(period, dash):
     assert abs(len(spans) - len(starts)) <= 2
 
 
+@pytest.mark.parametrize(("period", "dash"), [(18.0, 6.0), (16.0, 4.0)])
+@pytest.mark.parametrize("length", [60.0, 90.0, 120.0])
+def test_long_dashes_far_apart_are_a_rhythm_on_short_lines(period, dash, length):
+    starts = np.arange(1.7, length - dash, period)
+    right = 0
+    for seed in range(10):
+        spans = dashes_in_paint(*paint(starts, dash, length=length, wear=0.0, seed=seed))
+        right += len(spans) > 1 and abs(np.median(np.diff(spans.mean(axis=1))) - period) < 0.05 * period
+    assert right >= 7
+
+
 def test_a_rhythm_that_stretches_is_followed():
     # A bend of 50 m radius, 4 m outside the axis that was measured along
     s = np.arange(0.0, 320.0, 6.0)

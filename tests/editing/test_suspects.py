@@ -9,6 +9,7 @@ from linework.editing.queue.suspects import (
     missing_dashes,
     rank_suspects,
     sure_lines,
+    unlisted_lines,
     unsure_lines,
 )
 from linework.lines.along import DrivenPath
@@ -66,13 +67,13 @@ def of_type(found, kind):
 
 @pytest.mark.parametrize("radius", [0.0, 80.0])
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_gap_between_two_pieces_of_a_line_is_to_be_joined(radius, turned):
+def test_a_gap_between_two_pieces_of_a_line_is_one_of_both_without_a_proposal(radius, turned):
     path = road(radius=radius)
     lines = together(
         beside(path, 0, 100, 1.7, name="a"), beside(path, 110, 200, 1.7, name="b", turned=turned)
     )
     (gap,) = gap_suspects(lines, DrivenPath.of(path), everywhere)
-    assert (gap.type, gap.kind, gap.proposal, gap.ids) == ("gap", "lane_marking", "join", ("a", "b"))
+    assert (gap.type, gap.kind, gap.proposal, gap.ids) == ("gap", "lane_marking", "", ("a", "b"))
     assert gap.length_m == pytest.approx(9.0, abs=1.5)
     assert gap.at == pytest.approx(tuple(lines[0].xyz[-1, :2]))
 
@@ -234,6 +235,32 @@ def test_what_is_sure_is_one_item_after_all_others():
     assert "2 lines of 100 m, at least 98 % sure" in item.reason
     assert [s.ids for s in unsure_lines(lines, DrivenPath.of(path))] == [("unsure",)]
     assert suspects(lines, DrivenPath.of(path[:0]), everywhere)[-1] == item
+
+
+def test_boundaries_are_not_accepted_with_all_that_is_sure():
+    path = road()
+    lines = together(
+        beside(path, 0, 50, 1.0, name="marking", confidence=[1.0]),
+        beside(path, 0, 50, 4.0, kind="road_boundary", name="kerb", confidence=[1.0]),
+    )
+    *_, rest, sure = suspects(lines, DrivenPath.of(path[:0]), everywhere)
+    assert (sure.type, sure.ids) == ("sure", ("marking",))
+    assert (rest.type, rest.ids, rest.proposal) == ("rest", ("kerb",), "")
+
+
+def test_no_unreviewed_line_is_left_out():
+    path = road()
+    short = [beside(path, 10 * k, 10 * k + 9, 1.0, name=f"s{k}", confidence=[0.8]) for k in range(5)]
+    likely = beside(path, 100, 139, 1.0, name="likely", confidence=[0.95])
+    long = beside(path, 0, 50, 3.0, name="long", confidence=[0.5])
+    accepted = beside(path, 60, 69, 3.0, name="done", confidence=[0.8], review=["accepted"])
+    dash = beside(path, 70, 73, 3.0, kind="lane_marking_dash", name="dash", confidence=[0.8])
+    found = suspects(together(*short, likely, long, accepted, dash), DrivenPath.of(path[:0]), everywhere)
+    assert [s.type for s in found] == ["line", "rest"]
+    assert found[1].ids == ("s0", "s1", "s2", "s3", "s4", "likely")
+    assert found[1].reason == "6 lines of 84 m, at least 80 % sure"
+    assert found[1].length_m == pytest.approx(5 * 9 * 0.2 + 39 * 0.05)
+    assert unlisted_lines(long, found) == []
 
 
 def test_wires_come_after_markings_of_which_more_is_wrong():

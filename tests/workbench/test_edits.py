@@ -266,6 +266,17 @@ def test_what_was_measured_of_a_wire_stays_when_a_part_is_followed_again():
     assert covered.after.length_m.tolist() == pytest.approx([42.0], abs=0.1)
 
 
+@pytest.mark.parametrize("up", [6.0, 6.02, 6.12])
+@pytest.mark.parametrize("start", [15, 15.4])
+def test_a_wire_that_is_followed_again_is_bridged_only_where_it_was(up, start):
+    wire = straight(0, 40, name="w", kind="cable", up=6.0)
+    wire = wire.with_columns(bridged=(wire.xyz[:, 0] >= 5) & (wire.xyz[:, 0] <= 8))
+    trace = straight(start, start + 45, kind="cable", up=up)
+    change = kept_change(wire, trace, (0, 45), wire)
+    assert change.after.length_m.tolist() == pytest.approx([start + 45.0], abs=0.2)
+    assert change.after.bridged_m[0] == pytest.approx(wire.bridged_m[0])
+
+
 def test_a_piece_under_the_gap_of_a_continued_wire_is_replaced():
     wire, piece = (straight(a, b, name=n, kind="cable", up=6.0) for a, b, n in ((0, 40, "w"), (42, 48, "p")))
     lines = LineSet.concatenate([wire, piece])

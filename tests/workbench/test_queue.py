@@ -14,7 +14,7 @@ from linework.model.changes import Change
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.workbench.edits.orders import ChangeOrder
-from linework.workbench.review.queue import Dismissed, ReviewQueue, queue_item
+from linework.workbench.review.queue import MOST_ITEMS, Dismissed, ReviewQueue, queue_item, queue_items
 from linework.workbench.review.suspects import suspects
 
 PATH = np.column_stack([np.arange(0.0, 200.0), np.zeros(200), np.zeros(200)])
@@ -100,8 +100,8 @@ def test_only_new_edits_are_read_for_dismissals(line_file, monkeypatch):
 def test_a_joined_gap_is_no_gap(line_file):
     queue = ReviewQueue(line_file, Counting())
     gap = next(item for item in asyncio.run(queue.items()) if item.type == "gap")
-    assert gap.proposal["action"] == "join"
-    ids = gap.proposal["ids"]
+    ids = gap.ids
+    assert len(ids) == 2
     before = line_file.lines.take(np.isin(line_file.lines.id, ids))
     say(line_file, "join", before, marking(0, 200, id=[ids[0]], review=["edited"]))
     assert gap.key not in keys(queue)
@@ -128,3 +128,16 @@ def test_a_proposal_is_an_edit_that_the_door_lets_in(proposal, more):
         )
     )
     ChangeOrder.model_validate({"revision": 0, "edit": item.proposal})
+
+
+def test_items_of_many_lines_end_even_the_longest_queue():
+    def suspect(type_, name):
+        return Suspect(
+            type=type_, ids=(name,), kind="cable", at=(1.0, 2.0), box=Bounds(0, 0, 5, 5), length_m=3.0,
+            confidence=0.5, reason="why",
+        )  # fmt: skip
+
+    found = [suspect("line", str(k)) for k in range(MOST_ITEMS + 7)]
+    items = queue_items([*found, suspect("rest", "a"), suspect("sure", "b")], {"line 0"})
+    assert len(items) == MOST_ITEMS
+    assert [item.ids for item in items[-3:]] == [[str(MOST_ITEMS - 2)], ["a"], ["b"]]

@@ -89,3 +89,19 @@ export function boxOf(places: readonly (readonly number[])[]): Box | null {
 export function expanded([west, south, east, north]: Box, by_m: number): Box {
   return [west - by_m, south - by_m, east + by_m, north + by_m];
 }
+
+// Whether any segment of a line has a part inside a box (clipped to it: Liang and Barsky 1984)
+export function crosses(xyz: readonly Vertex[], [west, south, east, north]: Box): boolean {
+  return xyz.slice(1).some(([e, n], i) => {
+    const [from_e, from_n] = xyz[i]!;
+    let [first, last] = [0, 1];
+    for (const [from, to, low, high] of [[from_e, e, west, east], [from_n, n, south, north]] as const) {
+      const step = to - from;
+      if (step === 0 && (from < low || from > high)) return false;
+      if (step === 0) continue;
+      const [a, b] = [(low - from) / step, (high - from) / step];
+      [first, last] = [Math.max(first, Math.min(a, b)), Math.min(last, Math.max(a, b))];
+    }
+    return first <= last;
+  });
+}

@@ -14,7 +14,7 @@ import { bindCommands, type Command, lineCommands } from "../editing/line-comman
 import { LineLayer } from "./line-layer";
 import { Measuring } from "../editing/measuring";
 import { MarkLayer } from "./mark-layer";
-import { type Box, boxOf, expanded, placeOf } from "../app/geometry";
+import { type Box, boxOf, crosses, expanded, placeOf } from "../app/geometry";
 import { planMap } from "./map";
 import { Selecting } from "./selecting";
 import type { Place } from "../app/documents";
@@ -107,9 +107,9 @@ export class PlanView implements Pane {
     this.target.addEventListener("pointerleave", () => this.left());
     app.on("reverted", (lines) => {
       const [west = 0, south = 0, east = 0, north = 0] = map.getView().calculateExtent(map.getSize());
-      const places = lines.flatMap(({ xyz }) => xyz).map(placeOf);
-      const isInView = places.some(([x, y]) => x > west && x < east && y > south && y < north);
-      if (places[0] && !isInView) app.emit("look", { at: places[0], by: "undo" });
+      const isInView = lines.some(({ xyz }) => crosses(xyz, [west, south, east, north]));
+      const first = lines[0]?.xyz[0];
+      if (first && !isInView) app.emit("look", { at: placeOf(first), by: "undo" });
     });
     app.on("look", ({ at, by }) => {
       if (by !== "plan") this.lookAt(at);

@@ -10,7 +10,8 @@ import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
 
 const TITLES = {
-  line: "Uncertain line", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", sure: "Nothing to check",
+  line: "Uncertain line", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", rest: "Other lines",
+  sure: "Nothing to check",
 };
 
 export class QueuePane implements Pane {
@@ -144,7 +145,7 @@ export class QueuePane implements Pane {
   }
 
   private row(item: QueueItem): HTMLElement {
-    const what = item.type === "sure" ? TITLES.sure : `${TITLES[item.type]}: ${this.app.title(item.kind)}`;
+    const what = item.type === "sure" || item.type === "rest" ? TITLES[item.type] : `${TITLES[item.type]}: ${this.app.title(item.kind)}`;
     const swatch = element("span", { class: "swatch" });
     swatch.style.backgroundColor = this.app.colour(item.kind);
     const row = element("button", { type: "button", class: "item", "data-key": item.key, click: () => this.look(item) },

@@ -91,6 +91,24 @@ def test_what_is_sure_is_accepted_by_one_key_and_the_plan_stays(browser, served)
         assert page.get_attribute(".plan-view", "data-view") == view
 
 
+def test_an_undo_of_a_line_that_only_crosses_the_view_does_not_move_the_plan(plan, served):
+    markings = (line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    xyz = max(markings, key=lambda line: line["length_m"])["xyz"]
+    ends = [xyz[0][:2], xyz[-1][:2]]
+    place = (0.5 * (ends[0][0] + ends[1][0]), 0.5 * (ends[0][1] + ends[1][1]))
+    draw = {"action": "draw", "kind": "lane_marking", "xyz": ends}
+    (drawn,) = served.post("/api/changes", {"revision": plan.revision, "edit": draw})["lines"]
+    delete = {"action": "delete", "ids": [drawn["id"]]}
+    served.post("/api/changes", {"revision": served.get("/api/survey")["revision"], "edit": delete})
+    plan.look_at(place, nearer=3)
+    east, north, resolution = (float(value) for value in plan.said("view").split(","))
+    plan.press("Control+z")
+    wait_until(lambda: plan.selected == [drawn["id"]])
+    plan.press("+")
+    wait_until(lambda: float(plan.said("view").split(",")[2]) == pytest.approx(resolution / 2, rel=0.01))
+    assert plan.said("view").split(",")[:2] == [str(east), str(north)]
+
+
 def test_lines_are_accepted_and_rejected(plan):
     first, second, *_ = (line for line in plan.documents().values() if line["kind"] == "lane_marking")
     before = plan.revision

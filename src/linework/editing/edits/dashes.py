@@ -250,11 +250,14 @@ def _rhythm_rate(rates: FloatArray, power: FloatArray, length_m: float) -> float
 
     Paint wears off in patches: its noise is strong at all long periods, where a rhythm is a peak. The noise at a rate is
     what the rates beside it show, more than a window resolves away: on the stronger side, because it falls with the rate.
+    The half, double and triple rate are left out: a rhythm of short dashes is strong there, too.
     Sums of exponential powers are gamma distributed, with as many degrees as the line has windows.
     """
     k = int(np.argmax(power))
     apart = np.abs(rates - rates[k]) * RHYTHM_WINDOW_M
     beside = (apart >= 1.0) & (apart <= 3.0)
+    for harmonic in (0.5, 2.0, 3.0):
+        beside &= np.abs(rates - harmonic * rates[k]) * RHYTHM_WINDOW_M >= 1.0
     sides = [power[beside & (rates < rates[k])], power[beside & (rates > rates[k])]]
     around = max((float(side.mean()) for side in sides if len(side)), default=0.0)
     n_windows = max(length_m / RHYTHM_WINDOW_M, 1.0)

@@ -16,9 +16,6 @@ WITHIN_M = 25.0
 #: Largest change of offset across a gap: a constant [m] plus a share of the gap [1]; lanes change their width over
 #: tens of metres.
 GAP_DRIFT_M, GAP_DRIFT_SHARE = 0.20, 0.02
-#: Smallest mouth of a side road: two lanes of 2.75 m, and two corners of 3 m radius. Lines end at it, so that over longer
-#: gaps no joint is proposed. [m]
-SMALLEST_MOUTH_M = 11.5
 #: Shortest gap that is reported. [m]
 LEAST_SUSPECT_GAP_M = 3.0
 #: Probability that a line continues: between two aligned pieces, where a road must have an edge, and where a line
@@ -126,10 +123,8 @@ def _gap(
     if "accepted" in [end[2] for end in (before, behind) if end is not None]:
         return []
     kind = str(pieces.lines.kind[pieces.number[next(k for k in ends if k is not None)]])
-    in_line = abs(left_stop - left_start) <= GAP_DRIFT_M + GAP_DRIFT_SHARE * length_m
     ids = tuple(end[0] for end in (before, behind) if end is not None)
     tip = before[1] if before is not None else behind[1] if behind is not None else places[0]
-    joins = before is not None and behind is not None and in_line and length_m <= SMALLEST_MOUTH_M
     side = "left" if left_start > 0 else "right"
     reason = (
         f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"
@@ -146,7 +141,6 @@ def _gap(
             length_m=likely * to_see,
             confidence=1.0 - likely,
             reason=reason,
-            proposal="join" if joins else "",
             n_looks=max(length_m / VIEW_M, 1.0) if not ids else 1.0,
         )
     ]

@@ -27,6 +27,8 @@ LONGEST_BAR_M = 12.0
 BRIDGED_WRONG = 0.02
 #: Confidence from which a line has nothing to check, and from which accepting it is proposed.
 SURE_LINE, LIKELY_LINE = 0.98, 0.95
+#: Types of items of many lines, which end the queue.
+ALL_IN_ONE = ("rest", "sure")
 #: Companion lines, reviewed together with their line.
 _COMPANIONS = ("lane_marking_dash", "kerb_top")
 #: Tolerance of the offset from the trajectory for paint to be aligned. [m]
@@ -45,7 +47,8 @@ class Suspect:
     Parameters
     ----------
     type
-        "line", "gap", "boundary" or "dashes"; "sure": all lines with nothing to check, which one edit accepts.
+        "line", "gap", "boundary" or "dashes"; "rest": all lines too short or too sure for an item each; "sure": all
+        lines with nothing to check, which one edit accepts.
     ids
         Lines it is about; of a gap: the one that ends, and the one that may go on.
     kind
@@ -61,7 +64,7 @@ class Suspect:
     reason
         In words.
     proposal
-        Proposed action: "accept", "reject", "join", "dashes", "kind" with `as_kind`; "" if there is none.
+        Proposed action: "accept", "reject", "dashes", "kind" with `as_kind`; "" if there is none.
     n_looks
         How many screens one has to look at.
     """
@@ -87,9 +90,9 @@ class Suspect:
     @property
     def key(self) -> str:
         """Key of its subject, a line or a gap from a place on; stable as long as the subject exists."""
-        if self.type == "sure":
+        if self.type in ALL_IN_ONE:
             # Of these lines: dismissed, it comes again with others
-            return f"sure {hashlib.blake2b(' '.join(sorted(self.ids)).encode(), digest_size=8).hexdigest()}"
+            return f"{self.type} {hashlib.blake2b(' '.join(sorted(self.ids)).encode(), digest_size=8).hexdigest()}"
         if self.type in ("line", "dashes"):
             return f"{self.type} {self.ids[0]}"
         east, north = (int(np.floor(v)) for v in self.at)
@@ -108,7 +111,7 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
 
     Dashes and kerb tops are not among them: they go with their lines.
     """
-    length_m, bridged_m, found = lines.length_m, lines.bridged_m, []
+    length_m, bridged_m, wrong_m, found = lines.length_m, lines.bridged_m, _wrong_m(lines), []
     sure_of = _is_sure(lines)
     long_bars = _long_bars(lines, way)
     for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
@@ -121,8 +124,7 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
             kind=str(lines.kind[i]),
             at=line_middle(xyz),
             box=view_box(xyz),
-            length_m=float(length_m[i] - bridged_m[i]) * (1.0 - sure)
-            + float(bridged_m[i]) * max(1.0 - sure, BRIDGED_WRONG),
+            length_m=float(wrong_m[i]),
             confidence=sure,
             reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m"
             + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_SUSPECT_M else ""),
@@ -142,33 +144,62 @@ def _verdict(sure: float, bridged_m: float, length_m: float) -> str:
 
 
 def _is_sure(lines: LineSet) -> BoolArray:
-    """Return which lines (n,) have nothing to check: hardly any of their length is expected to be wrong."""
-    wrong_m = (lines.length_m - lines.bridged_m) * (1.0 - lines.confidence)
-    wrong_m += lines.bridged_m * np.maximum(1.0 - lines.confidence, BRIDGED_WRONG)
+    """Return which lines (n,) have nothing to check: hardly any of their length is expected to be wrong.
+
+    Road boundaries are not among them: some that were wrong were as sure as any.
+    """
     is_long_bar = (lines.kind == "road_marking_other") & (lines.length_m > LONGEST_BAR_M)
     is_sure = (
-        ~is_long_bar & (lines.confidence >= SURE_LINE) & (wrong_m < LEAST_SUSPECT_M) & (lines.review == "")
+        ~is_long_bar
+        & (lines.confidence >= SURE_LINE)
+        & (_wrong_m(lines) < LEAST_SUSPECT_M)
+        & (lines.review == "")
     )
-    return np.asarray(is_sure & (lines.bridged_m <= lines.length_m / 2) & ~np.isin(lines.kind, _COMPANIONS))
+    is_counted = ~np.isin(lines.kind, (*_COMPANIONS, "road_boundary"))
+    return np.asarray(is_sure & (lines.bridged_m <= lines.length_m / 2) & is_counted)
+
+
+def _wrong_m(lines: LineSet) -> FloatArray:
+    """Return the length of each line (n,) that is expected to be wrong. [m]"""  # noqa: D400
+    wrong_m = (lines.length_m - lines.bridged_m) * (1.0 - lines.confidence)
+    wrong_m += lines.bridged_m * np.maximum(1.0 - lines.confidence, BRIDGED_WRONG)
+    return np.asarray(wrong_m)
 
 
 def sure_lines(lines: LineSet) -> list[Suspect]:
     """Return the lines with nothing to check as one item, which one edit accepts; empty where there are none."""
-    sure = lines.take(_is_sure(lines))
-    if len(sure) == 0:
+    return _all_in_one("sure", lines.take(_is_sure(lines)), "accept")
+
+
+def unlisted_lines(lines: LineSet, listed: list[Suspect]) -> list[Suspect]:
+    """Return unreviewed lines that are in no other item as one item without a proposal; empty where there are none.
+
+    Parameters
+    ----------
+    listed
+        The items of single lines; those of `sure_lines` need not be among them.
+    """
+    ids = [name for suspect in listed if suspect.type == "line" for name in suspect.ids]
+    is_open = (lines.review == "") & ~np.isin(lines.kind, _COMPANIONS) & ~_is_sure(lines)
+    return _all_in_one("rest", lines.take(is_open & ~np.isin(lines.id, ids)), "")
+
+
+def _all_in_one(type_: str, lines: LineSet, proposal: str) -> list[Suspect]:
+    """Return an item of many lines, as a list of one; empty where there are none."""
+    if len(lines) == 0:
         return []
-    names = "a line" if len(sure) == 1 else f"{len(sure):,} lines"
+    names, least = "a line" if len(lines) == 1 else f"{len(lines):,} lines", float(lines.confidence.min())
     return [
         Suspect(
-            type="sure",
-            ids=tuple(sure.id.tolist()),
-            kind=str(sure.kind[0]),
-            at=line_middle(sure[0].xyz),
-            box=view_box(sure.xyz),
-            length_m=0.0,
-            confidence=float(sure.confidence.min()),
-            reason=f"{names} of {sure.length_m.sum():,.0f} m, at least {100.0 * sure.confidence.min():.0f} % sure",
-            proposal="accept",
+            type=type_,
+            ids=tuple(lines.id.tolist()),
+            kind=str(lines.kind[0]),
+            at=line_middle(lines[0].xyz),
+            box=view_box(lines.xyz),
+            length_m=float(_wrong_m(lines).sum()) if type_ == "rest" else 0.0,
+            confidence=least,
+            reason=f"{names} of {lines.length_m.sum():,.0f} m, at least {100.0 * least:.0f} % sure",
+            proposal=proposal,
         )
     ]
 

@@ -74,9 +74,12 @@ def kept_change(
         gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
         others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
         if str(one.kind[0]) == "cable" and _share_on(continues, one) > _MOST:
-            for part in _beyond(continues, one):
-                one = join_two_lines(one, part, others)
-            one = one.with_columns(id=continues.id)
+            parts = LineSet.concatenate([one, *_beyond(continues, one)])
+            for k in range(1, len(parts)):
+                one = join_two_lines(one, parts.take([k]), others)
+            # No gap was between them: what was measured of each stays so at the joints
+            _, of_part = cKDTree(parts.xyz).query(one.xyz)
+            one = one.with_columns(id=continues.id, bridged=parts.bridged[of_part])
         else:
             one = join_two_lines(continues, one, others)
     if str(one.kind[0]) == "cable":

@@ -8,7 +8,7 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 
-from linework.editing.queue.suspects import Suspect
+from linework.editing.queue.suspects import ALL_IN_ONE, Suspect
 from linework.files.line_file.file import LineFile
 from linework.files.line_file.history import HistoryEntry
 from linework.model.lines import LineSet
@@ -114,11 +114,11 @@ def _dismissals(entries: Iterable[HistoryEntry]) -> dict[int, str]:
 
 
 def queue_items(suspects: Iterable[Suspect], dismissed: Container[str]) -> list[QueueItem]:
-    """Return the items of suspects whose keys are not dismissed, `MOST_ITEMS` at most; what is sure is never cut off."""
+    """Return the items of suspects whose keys are not dismissed, `MOST_ITEMS` at most; items of many lines are never cut off."""
     open_ = [suspect for suspect in suspects if suspect.key not in dismissed]
-    sure = [suspect for suspect in open_ if suspect.type == "sure"]
-    others = [suspect for suspect in open_ if suspect.type != "sure"][: MOST_ITEMS - len(sure)]
-    return [queue_item(suspect) for suspect in (*others, *sure)]
+    last = [suspect for suspect in open_ if suspect.type in ALL_IN_ONE]
+    others = [suspect for suspect in open_ if suspect.type not in ALL_IN_ONE][: MOST_ITEMS - len(last)]
+    return [queue_item(suspect) for suspect in (*others, *last)]
 
 
 def queue_item(suspect: Suspect) -> QueueItem:

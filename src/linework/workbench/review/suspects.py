@@ -17,6 +17,7 @@ from linework.editing.queue.suspects import (
     missing_dashes,
     rank_suspects,
     sure_lines,
+    unlisted_lines,
     unsure_lines,
 )
 from linework.lines.along import DrivenPath
@@ -56,7 +57,8 @@ def suspects(
         *loose_wires(there, visible),
         *missing_dashes(there, paint),
     ]
-    return rank_suspects(found) + sure_lines(there)
+    ranked = rank_suspects(found)
+    return ranked + unlisted_lines(there, ranked) + sure_lines(there)
 
 
 def _path(session: SurveySession) -> DrivenPath:
