@@ -18,6 +18,7 @@ from linework.files.output.publish import check_output
 from linework.live.drive import LiveDrive
 from linework.live.kept import KeptDrive, is_followed, live_folder
 from linework.model.survey import Survey
+from linework.processes.forced_end import wait_until_saved
 from linework.processes.system import end_on_second
 
 #: Pause where nothing is due: half the time between two readings of the file system that a person would notice. [s]
@@ -111,6 +112,7 @@ def _stop_event() -> Iterator[tuple[threading.Event, list[int]]]:
     stopped, numbers = threading.Event(), list[int]()
 
     def stop(number: int, _frame: object) -> None:
+        wait_until_saved()
         numbers.append(number)
         stopped.set()
 

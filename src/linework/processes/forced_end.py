@@ -21,13 +21,15 @@ from pathlib import Path
 
 #: From SIGTERM until the command is ended by force: of the 2 s that are promised, the rest is for ending it. [s]
 _UNTIL_FORCED_S = 1.5
+#: The same for a command that ends by itself and saves what people did; only a hang takes so long. [s]
+_UNTIL_SAVED_S = 60.0
 #: How long the system may take to end it before SIGKILL follows. [s]
 _UNTIL_KILLED_S = 0.2
 _LOOK_S = 0.005
 #: Messages up to this length reach a pipe whole (POSIX). [bytes]
 _PIPE_BUF = 512 if not hasattr(select, "PIPE_BUF") else select.PIPE_BUF
-#: What begins a message about a path; a lone byte of another value is the number of a signal.
-_ADD, _DROP, _END = b"+", b"-", b"\0"
+#: What begins a message; a lone byte of another value is the number of a signal.
+_ADD, _DROP, _SAVES, _END = b"+", b"-", b"=", b"\0"
 #: After _ADD: a folder that is removed only if it is empty.
 _IF_EMPTY = b"?"
 #: The end of the pipe to the watching process, None: there is none.
@@ -78,6 +80,14 @@ def removed_if_forced(path: Path, *, only_empty: bool = False) -> Iterator[None]
         _send(_DROP, name)
 
 
+def wait_until_saved() -> None:
+    """Give this process time to end by itself: for the handler of SIGTERM of a command that saves what people did.
+
+    That the handler runs shows that no library's call holds the interpreter; a second signal still ends the process.
+    """
+    _send(_SAVES, b"")
+
+
 def _send(what: bytes, name: bytes) -> None:
     message = what + name + _END
     if _pipe is not None and len(message) <= _PIPE_BUF:
@@ -90,29 +100,31 @@ def _watch(watched: int) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # they come to the whole group
     held: dict[bytes, None] = {}
-    unread, deadline_s = b"", None
+    unread, until_forced_s, signalled_s = b"", _UNTIL_FORCED_S, None
     while True:
-        left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
+        left_s = None if signalled_s is None else max(signalled_s + until_forced_s - time.monotonic(), 0.0)
         if not select.select([0], [], [], left_s)[0]:
             break
         data = os.read(0, 1 << 16)
         if not data:
             return
-        unread, numbers = _heard(unread + data, held)
-        if signal.SIGTERM in numbers and deadline_s is None:
-            deadline_s = time.monotonic() + _UNTIL_FORCED_S
+        unread, numbers, saves = _heard(unread + data, held)
+        if saves:
+            until_forced_s = _UNTIL_SAVED_S
+        if signal.SIGTERM in numbers and signalled_s is None:
+            signalled_s = time.monotonic()
     _end(watched)
     for path in reversed(held):
         _remove(path)
     print("interrupted: nothing was written; run the same command again", file=sys.stderr, flush=True)
 
 
-def _heard(data: bytes, held: dict[bytes, None]) -> tuple[bytes, set[int]]:
-    """Note the messages about paths in `held`; return the rest that is not whole yet, and the signals."""
-    numbers = set()
+def _heard(data: bytes, held: dict[bytes, None]) -> tuple[bytes, set[int], bool]:
+    """Note the messages about paths in `held`; return the rest that is not whole yet, the signals, and if it saves."""
+    numbers, saves = set(), False
     while data:
         kind = data[:1]
-        if kind not in (_ADD, _DROP):
+        if kind not in (_ADD, _DROP, _SAVES):
             numbers.add(kind[0])
             data = data[1:]
             continue
@@ -121,10 +133,12 @@ def _heard(data: bytes, held: dict[bytes, None]) -> tuple[bytes, set[int]]:
             break
         if kind == _ADD:
             held[path] = None
-        else:
+        elif kind == _DROP:
             held.pop(path, None)
+        else:
+            saves = True
         data = rest
-    return data, numbers
+    return data, numbers, saves
 
 
 def _end(watched: int) -> None:

@@ -253,12 +253,14 @@ def test_a_refusal_offers_another_place(page, served, kerb):
 
 
 def test_a_saved_line_goes_on_from_its_end(page, served, kerb):
-    drawn = served.post("/api/changes", {
+    saved = served.post("/api/changes", {
         "revision": served.get("/api/survey")["revision"],
         "edit": {"action": "draw", "kind": "road_boundary", "xyz": kerb[:12].tolist()},
-    })["lines"][0]  # fmt: skip
+    })  # fmt: skip
+    (drawn,) = saved["lines"]
     talk = Talk(page)
     plan = PlanPage(page, served)
+    wait_until(lambda: plan.revision >= saved["revision"])
     plan.look_at(middle_of(kerb[:12]))
     plan.click(middle_of(kerb[:12]))
     wait_until(lambda: plan.selected == [drawn["id"]])

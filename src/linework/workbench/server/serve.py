@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import h11
@@ -22,6 +23,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from linework.errors import MachineError, argument
 from linework.files.line_file.file import LineFile
+from linework.processes.forced_end import wait_until_saved
 from linework.processes.system import end_on_second
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
@@ -201,10 +203,14 @@ def _signals() -> Iterator[asyncio.Future[int]]:
         if not stopped.done():
             stopped.set_result(number)
 
+    def handle(number: int, _frame: FrameType | None) -> None:
+        wait_until_saved()
+        loop.call_soon_threadsafe(stop, number)
+
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
         # Not the loop's own handlers: they would take the notice of signals from `linework.processes.forced_end`
-        signal.signal(number, lambda number, _: loop.call_soon_threadsafe(stop, number) and None)
+        signal.signal(number, handle)
         end_on_second(number)
     try:
         yield stopped
