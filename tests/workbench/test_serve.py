@@ -129,6 +129,22 @@ def test_hostile_files_are_refused_before_anything_is_served(tmp_path):
     assert "is outside the folder" in refused(tmp_path).stderr
 
 
+def test_another_trajectory(made_drive, made_lines, tmp_path):
+    survey = tmp_path / "drive"
+    shutil.copytree(made_drive, survey)
+    header, *rows = (survey / "trajectory.csv").read_text().splitlines()
+    east = header.split(",").index("easting_m")
+    moved = [",".join(str(float(cell) + 5.0) if i == east else cell for i, cell in enumerate(row.split(",")))
+             for row in rows]  # fmt: skip
+    (tmp_path / "moved.csv").write_text("\n".join([header, *moved]))
+    assert "absent.csv" in refused(survey, "--trajectory", tmp_path / "absent.csv").stderr
+    paths = []
+    for more in ((), ("--trajectory", tmp_path / "moved.csv")):
+        with served_survey(survey, *more) as served:
+            paths.append(served.get("/api/survey")["path"][0][0])
+    assert paths[1] - paths[0] == pytest.approx(5.0, abs=0.2)
+
+
 def test_lines_of_another_crs(tmp_path, made_lines):
     survey = tmp_path / "a.laz"
     write_las(road_points(), survey, crs="EPSG:25833+7837")

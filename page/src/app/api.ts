@@ -89,6 +89,27 @@ export async function section(
   return unpackPoints(await (await request(`/api/section?${query}`)).arrayBuffer());
 }
 
+export interface ExportOrder {
+  format: string;
+  kinds: string[];
+  ids: string[] | null; // null: all lines of the kinds
+  coded: boolean; // with the layers and codes of the survey's table
+  lanes: boolean;
+  location: string; // of lanelets
+}
+
+export const codes = () => getJson<{ text: string }>("/api/codes");
+export const saveCodes = (text: string) => sendJson<{ text: string }>("PUT", "/api/codes", { text });
+
+export async function exportLines(order: ExportOrder): Promise<{ name: string; blob: Blob; warnings: string[] }> {
+  const response = await request("/api/export", {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(order),
+  });
+  const name = /filename\*=UTF-8''(.*)$/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? `lines.${order.format}`;
+  const warnings = decodeURIComponent(response.headers.get("Linework-Warnings") ?? "");
+  return { name: decodeURIComponent(name), blob: await response.blob(), warnings: warnings.split("\n").filter(Boolean) };
+}
+
 export const pairs = () => getJson<Pair[]>("/api/pairs");
 export const keys = () => getJson<OperatorKey[]>("/api/keys");
 export const pairLines = (number: number) => getJson<PairLines>(`/api/pairs/${number}/lines`);

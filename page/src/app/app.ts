@@ -3,12 +3,14 @@
 import * as api from "./api";
 import { Keyboard } from "../controls/keyboard";
 import type { Changed, Edit, FollowMessage, Job, Line, Place, Survey } from "./documents";
+import { type Limits, LineFilter } from "./filter";
 import { Following, type Growth } from "./following";
 import { Outbox } from "./outbox";
 
 export interface Events {
   lines: { changed: Line[]; removed: string[] }; // lines were added, changed or removed
   selection: string[]; // ids of the selected lines
+  filter: Limits; // other lines are shown
   reverted: Line[]; // lines that an undo or redo brought back
   look: { at: Place; by: string }; // a pane (its name) moved to a place: the others follow
   cursor: { at: Place; by: string } | null; // the mouse, in world coordinates
@@ -39,6 +41,7 @@ export class App {
   tool: Tool = "select";
   followKind = ""; // "": the server chooses by the place
   readonly keyboard = new Keyboard();
+  readonly filter = new LineFilter(() => this.emit("filter", this.filter.now));
   readonly following: Following;
   private readonly outbox: Outbox;
   private readonly listeners = new Map<keyof Events, Set<(value: never) => void>>();
@@ -61,6 +64,17 @@ export class App {
         window.setTimeout(() => void this.reconnected().catch((why: unknown) => this.reportProblem(why)), RETRY_MS);
       },
     });
+  }
+
+  // Show only the lines of some kinds; null: of all
+  showOnly(kinds: string[] | null): void {
+    const all = this.kinds();
+    this.filter.only(kinds ?? all, all);
+  }
+
+  // The kinds that linework knows, then others that lines have
+  kinds(): string[] {
+    return [...new Set([...this.survey.kinds.map(({ kind }) => kind), ...[...this.lines.values()].map(({ kind }) => kind)])];
   }
 
   setTool(tool: Tool): void {

@@ -1,4 +1,5 @@
-// The legend: shows and hides kinds, rejected lines and the vehicle's path, and sets the accuracy bands.
+// The legend: shows and hides kinds, rejected lines and the vehicle's path, and sets the accuracy bands. Keys hide the
+// kinds of the selected lines, show only them, or everything.
 
 import type { App } from "../app/app";
 import { element } from "../controls/element";
@@ -13,7 +14,7 @@ export function legend(app: App, lines: LineLayer, showPath: (visible: boolean) 
   const kinds = app.survey.kinds.map(({ kind }) => kind);
   // Surveys with images also have lines extracted from images alone
   const inImages = app.survey.n_pairs > 0 ? ["lane_marking_stereo", "lane_marking_dash_stereo"] : [];
-  const rows = [...kinds, ...inImages].map((kind) => kindRow(app, lines, kind, app.title(kind), counts));
+  const rows = [...kinds, ...inImages].map((kind) => kindRow(app, kind, app.title(kind), counts));
   const bands = element("select", {
     "aria-label": "Accuracy bands",
     change: (event) => {
@@ -22,21 +23,45 @@ export function legend(app: App, lines: LineLayer, showPath: (visible: boolean) 
     },
   }, ...BANDS.map(([title, sigmas]) => element("option", { value: sigmas }, title)));
   app.on("lines", () => count(app, counts));
-  return element("details", { class: "legend", open: window.innerWidth >= WIDE_PX },
+  bindKeys(app);
+  const made = element("details", { class: "legend", open: window.innerWidth >= WIDE_PX },
     element("summary", {}, "Legend"),
     ...rows,
     element("hr"),
-    switchRow("Rejected lines", "swatch rejected", (visible) => setHidden(lines, "rejected", !visible), "rejected"),
+    switchRow("Rejected lines", "swatch rejected", (visible) => app.filter.hide("rejected", !visible), "rejected"),
     switchRow("Vehicle path", "swatch path", showPath, "path"),
     element("div", { class: "row" }, element("span", { class: "swatch bridged" }), "bridged (not measured)"),
     element("div", { class: "row" }, element("span", { class: "swatch accepted" }), "accepted"),
     element("div", { class: "row" }, element("span", { class: "swatch edited" }), "edited or drawn"),
     element("label", { class: "row" }, "Accuracy", bands),
   );
+  app.on("filter", () => {
+    for (const name of [...kinds, ...inImages, "rejected"]) {
+      const box = made.querySelector<HTMLInputElement>(`input[name="show-${name}"]`);
+      if (box) box.checked = !app.filter.hidden.has(name);
+    }
+  });
+  return made;
 }
 
-function kindRow(app: App, lines: LineLayer, kind: string, title: string, counts: Map<string, HTMLElement>): HTMLElement {
-  const row = switchRow(title, "swatch", (visible) => setHidden(lines, kind, !visible), kind);
+function bindKeys(app: App): void {
+  const group = "Plan";
+  const selected = () => [...new Set(app.selection.flatMap((id) => app.lines.get(id)?.kind ?? []))];
+  const when = () => app.selection.length > 0;
+  app.keyboard.bind({
+    keys: ["Shift+h"], title: "Hide the kinds of the selected lines", group, when,
+    run: () => {
+      const kinds = selected();
+      app.select([]); // selected lines are always shown
+      for (const kind of kinds) app.filter.hide(kind, true);
+    },
+  });
+  app.keyboard.bind({ keys: ["Shift+l"], title: "Show only the kinds of the selected lines", group, when, run: () => app.showOnly(selected()) });
+  app.keyboard.bind({ keys: ["Shift+k"], title: "Show all lines", group, run: () => app.filter.clear() });
+}
+
+function kindRow(app: App, kind: string, title: string, counts: Map<string, HTMLElement>): HTMLElement {
+  const row = switchRow(title, "swatch", (visible) => app.filter.hide(kind, !visible), kind);
   const swatch = row.querySelector<HTMLElement>(".swatch");
   if (swatch) swatch.style.backgroundColor = app.colour(kind);
   const number = element("span", { class: "count" });
@@ -51,12 +76,6 @@ function switchRow(title: string, swatch: string, set: (visible: boolean) => voi
     change: (event) => set((event.target as HTMLInputElement).checked),
   });
   return element("label", { class: "row" }, box, element("span", { class: swatch }), title);
-}
-
-function setHidden(lines: LineLayer, name: string, hidden: boolean): void {
-  if (hidden) lines.hidden.add(name);
-  else lines.hidden.delete(name);
-  lines.restyle();
 }
 
 function count(app: App, counts: Map<string, HTMLElement>): void {

@@ -15,7 +15,6 @@ export class LineLayer {
   readonly source = new VectorSource<Feature<LineString>>();
   readonly layer: VectorLayer<VectorSource<Feature<LineString>>>;
   readonly bands: VectorLayer<VectorSource>;
-  readonly hidden = new Set<string>(); // hidden kinds, and "rejected"
   sigmas = 0; // half width of the accuracy bands in standard deviations; 0: no bands
   private readonly bandSource = new VectorSource();
   private selected = new Set<string>();
@@ -34,14 +33,15 @@ export class LineLayer {
     });
     app.on("lines", ({ changed, removed }) => this.updateLines(changed, removed));
     app.on("selection", (ids) => this.select(ids));
+    app.on("filter", () => this.restyle());
   }
 
+  // What is selected is shown whatever the filter: the queue may lead to it
   isShown(line: Line): boolean {
-    if (line.review === "rejected" && this.hidden.has("rejected")) return false;
-    return !this.hidden.has(line.kind);
+    return this.selected.has(line.id) || this.app.filter.shows(line);
   }
 
-  // Redraw after a change of theme, of hidden kinds or of the accuracy bands
+  // Redraw after a change of theme, of the filter or of the accuracy bands
   restyle(): void {
     this.styles.reset();
     this.layer.changed();

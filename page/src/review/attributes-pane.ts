@@ -15,12 +15,14 @@ export class AttributesPane implements Pane {
   private readonly title = element("h2", {});
   private readonly facts = element("dl", { class: "facts" });
   private readonly commandRow = element("div", { class: "commands" });
+  private readonly kinds = element("details", { class: "kinds", open: window.innerHeight > SHORT_PX });
   private readonly choices = element("div", { class: "choices" });
   private readonly note = element("input", { name: "note", "aria-label": "Note", maxlength: 200, placeholder: "Note" });
 
   constructor(private readonly app: App, private readonly commands: Command[]) {
     this.commandRow.append(...commands.map(({ title, key, run }) => keyButton(key, title, run)));
-    this.choices.append(this.kinds(), ...(Object.keys(app.survey.choices) as Column[]).map((column) => this.column(column)));
+    this.kinds.append(element("summary", {}, "Kind"), this.kindRow());
+    this.choices.append(this.kinds, ...(Object.keys(app.survey.choices) as Column[]).map((column) => this.column(column)));
     this.note.addEventListener("change", () => this.set("note", this.note.value));
     this.element.append(this.title, this.facts, this.commandRow, this.choices, this.note);
     app.on("selection", () => this.draw());
@@ -32,7 +34,7 @@ export class AttributesPane implements Pane {
     return this.app.selection.flatMap((id) => this.app.lines.get(id) ?? []);
   }
 
-  private kinds(): HTMLElement {
+  private kindRow(): HTMLElement {
     const buttons = this.app.survey.kinds.map(({ kind, title, colour }, i) => {
       const run = () => void this.app.change({ action: "kind", ids: this.app.selection, kind });
       const made = this.value(KIND_KEYS[i] ?? "", title, "kind", kind, run);
@@ -46,7 +48,9 @@ export class AttributesPane implements Pane {
     const keys = valueKeys(this.app.survey.choices);
     const buttons = this.app.survey.choices[column].map((value) =>
       this.value(keys.get(`${column} ${value}`) ?? "", value, column, value, () => this.set(column, value)));
-    return this.row(column.charAt(0).toUpperCase() + column.slice(1), buttons);
+    const row = this.row(column.charAt(0).toUpperCase() + column.slice(1), buttons);
+    row.dataset.column = column;
+    return row;
   }
 
   private value(key: string, title: string, column: string, value: string, run: () => void): HTMLButtonElement {
@@ -76,6 +80,13 @@ export class AttributesPane implements Pane {
     const [line] = lines;
     this.element.dataset.selected = this.app.selection.join(" ");
     this.title.textContent = line === undefined ? "Nothing selected" : lines.length === 1 ? this.app.title(line.kind) : `${lines.length} lines`;
+    const kinds = new Set(lines.map(({ kind }) => kind.replace(/_stereo$/, "")));
+    const summary = this.kinds.querySelector("summary");
+    if (summary) summary.textContent = `Kind: ${kinds.size === 1 && line ? this.app.title(line.kind) : "several"} (1 to 9)`;
+    for (const row of this.choices.querySelectorAll<HTMLElement>(".choice[data-column]")) {
+      const fitting = KINDS_WITH[row.dataset.column ?? ""];
+      row.hidden = fitting !== undefined && ![...kinds].some((kind) => fitting.has(kind));
+    }
     this.facts.replaceChildren(...(line ? factsOf(lines) : [hint()]));
     const buttons = this.commandRow.querySelectorAll("button");
     this.commands.forEach(({ can }, i) => buttons[i]?.toggleAttribute("disabled", !can()));
@@ -101,7 +112,7 @@ function factsOf(lines: Line[]): HTMLElement[] {
   if (bridged_m > 0) facts.push(["Bridged", `${bridged_m.toFixed(2)} m`]);
   if (line && lines.length === 1) facts.push(...detailsOf(line));
   return facts.map(([name, value]) =>
-    element("div", { title: `${name}: ${value}` }, element("dt", {}, name), element("dd", {}, value)));
+    element("div", { title: `${name}: ${value}`, class: name === "From" || name === "ID" ? "wide" : "" }, element("dt", {}, name), element("dd", {}, value)));
 }
 
 function detailsOf(line: Line): [string, string][] {
@@ -120,6 +131,14 @@ function medianOf(values: (number | null)[]): string {
   const middle = known[Math.floor(known.length / 2)];
   return middle === undefined ? "" : `± ${(middle * 100).toFixed(1)} cm`;
 }
+
+const SHORT_PX = 900; // in a lower window the buttons of kinds are folded; their keys work all the same
+// The kinds that an attribute is for; one that is not listed is for all
+const KINDS_WITH: Record<string, Set<string>> = {
+  role: new Set(["lane_marking", "lane_marking_dash"]),
+  pattern: new Set(["lane_marking", "lane_marking_dash"]),
+  form: new Set(["road_boundary", "kerb_top", "road_marking_other", "guardrail", "barrier", "fence"]),
+};
 
 // One key, one value, as on the touch screen in the van. The key is shown on the button.
 const KIND_KEYS = ["1", "2", "3", "4", "5", "6", "7", "8", "9"];

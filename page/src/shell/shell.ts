@@ -5,7 +5,9 @@ import type { App } from "../app/app";
 import { AttributesPane } from "../review/attributes-pane";
 import { element } from "../controls/element";
 import { HistoryPane } from "../review/history-pane";
+import { ExportPane } from "../review/export-pane";
 import { JobPane } from "../review/job-pane";
+import { LineTable } from "../review/line-table";
 import { Photolog } from "../stereo/photolog";
 import { PlanView } from "../plan/plan-view";
 import { QueuePane } from "../review/queue-pane";
@@ -32,6 +34,8 @@ export function buildShell(app: App): void {
   lists.add("Queue", new QueuePane(app, (box) => plan.fit(box)));
   lists.add("History", new HistoryPane(app));
   lists.add("Extract", guarded(() => new JobPane(app)));
+  const table = new LineTable(app);
+  lists.add("Export", new ExportPane(app, () => table.shown()));
   const attributes = new AttributesPane(app, plan.commands);
   place("side").append(lists.element, attributes.element);
 
@@ -46,6 +50,7 @@ export function buildShell(app: App): void {
     above.add("Stereo", guarded(() => new StereoView(app)));
     below.add("Photolog", guarded(() => new Photolog(app)));
   }
+  below.add("Lines", table);
   const groups = [above, below].filter((group) => group.element.querySelector(".pane") !== null);
   for (const group of groups) wideButton(group);
   place("views").append(...groups.map((group) => group.element));

@@ -22,6 +22,7 @@ from linework.cli.options import (
     Quiet,
     RunFile,
     SurveyArgument,
+    TrajectoryFile,
     WorkFolder,
     read_settings,
 )
@@ -51,6 +52,7 @@ def serve(
     ] = "",
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    trajectory: TrajectoryFile = None,
     work: WorkFolder = None,
     config: RunFile = None,
     no_browser: Annotated[
@@ -100,8 +102,8 @@ def serve(
             say(f"error: a bug in linework. Please report it with the log {save_log(error)}.", to_stderr=True)
 
         order = SurveyOrder(
-            tuple(surveys), crs=crs, allow_outside=allow_outside, work=work, settings=settings,
-            n_threads=usable_cores(),
+            tuple(surveys), crs=crs, allow_outside=allow_outside, trajectory=trajectory, work=work,
+            settings=settings, n_threads=usable_cores(),
         )  # fmt: skip
         serving = RunningServer(
             order=order, lines=lines, port=port, who=who or _user(), watcher=display,

@@ -11,6 +11,7 @@ from linework.workbench.edits.routes import edits_router
 from linework.workbench.following.routes import follow_router
 from linework.workbench.jobs.routes import jobs_router
 from linework.workbench.review.chainage import chainage_router
+from linework.workbench.review.export import export_router
 from linework.workbench.review.queue import review_router
 from linework.workbench.server.app_state import AppState
 from linework.workbench.server.problems import PROBLEMS, answer_errors
@@ -25,6 +26,7 @@ ROUTERS = (
     follow_router,
     jobs_router,
     chainage_router,
+    export_router,
 )
 
 

@@ -33,6 +33,8 @@ class SurveyOrder:
         CRS of files that do not state theirs; None if not given.
     allow_outside
         Whether its survey.toml may name files outside its folder.
+    trajectory
+        Trajectory that replaces the survey's own; None: its own.
     work
         Work folder; None: beside the survey.
     settings
@@ -44,6 +46,7 @@ class SurveyOrder:
     inputs: tuple[Path, ...]
     crs: str | None = None
     allow_outside: bool = False
+    trajectory: Path | None = None
     work: Path | None = None
     settings: RunSettings = field(default_factory=RunSettings)
     n_threads: int = 1
@@ -71,11 +74,7 @@ class SurveySession:
     @property
     def survey(self) -> Survey:
         """The survey as its files describe it."""
-        order = self.order
-        return self.keep(
-            "survey",
-            lambda: open_survey(list(order.inputs), crs=order.crs, allow_outside=order.allow_outside),
-        )
+        return self.keep("survey", lambda: _opened(self.order))
 
     @property
     def work(self) -> Path:
@@ -119,3 +118,8 @@ class SurveySession:
         if name not in self._kept:
             self._kept[name] = make()
         return cast(KeptT, self._kept[name])
+
+
+def _opened(order: SurveyOrder) -> Survey:
+    survey = open_survey(list(order.inputs), crs=order.crs, allow_outside=order.allow_outside)
+    return survey if order.trajectory is None else survey.with_trajectory(order.trajectory)
