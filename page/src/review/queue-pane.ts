@@ -10,7 +10,7 @@ import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
 
 const TITLES = {
-  line: "Uncertain line", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", rest: "Other lines",
+  line: "Uncertain line", copy: "Measured twice", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", rest: "Other lines",
   sure: "Nothing to check",
 };
 

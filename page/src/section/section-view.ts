@@ -2,7 +2,7 @@
 
 import "./section-view.css";
 
-import type { Station } from "../app/geometry";
+import { nearestOn, type Station } from "../app/geometry";
 import * as api from "../app/api";
 import type { App } from "../app/app";
 import type { Pane } from "../controls/tabs";
@@ -80,9 +80,12 @@ export class SectionView implements Pane {
       if (this.followsCursor && cursor && cursor.by !== NAME) this.place(stationFor(app.survey, this.line, cursor.at));
     });
     app.on("selection", () => {
-      const target = this.line && stationOnto(this.line, this.station);
-      if (target) this.place(target);
-      else this.draw();
+      const { line, station } = this;
+      const target = line && stationOnto(line, station);
+      if (target) return this.place(target);
+      // A wire selected from the road below it comes into view, and the road again after it
+      if (line) this.centre = [0, nearestOn(line.xyz, station.at)?.station.z ?? station.z];
+      this.draw();
     });
     app.on("lines", () => this.draw());
     canvas.addEventListener("pointerdown", (event) => this.press(event));

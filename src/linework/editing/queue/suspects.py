@@ -30,7 +30,7 @@ SURE_LINE, LIKELY_LINE = 0.98, 0.95
 #: Types of items of many lines, which end the queue.
 ALL_IN_ONE = ("rest", "sure")
 #: Companion lines, reviewed together with their line.
-_COMPANIONS = ("lane_marking_dash", "kerb_top")
+REVIEWED_TOGETHER = ("lane_marking_dash", "kerb_top")
 #: Tolerance of the offset from the trajectory for paint to be aligned. [m]
 IN_LINE_M = 0.5
 #: Share of uncertain length that is wrong, by kind: 39 of 2,506 m of cables, 34 of 560 m of boundaries and
@@ -47,7 +47,7 @@ class Suspect:
     Parameters
     ----------
     type
-        "line", "gap", "boundary" or "dashes"; "rest": all lines too short or too sure for an item each; "sure": all
+        "line", "copy", "gap", "boundary" or "dashes"; "rest": all lines too short or too sure for an item each; "sure": all
         lines with nothing to check, which one edit accepts.
     ids
         Lines it is about; of a gap: the one that ends, and the one that may go on.
@@ -93,7 +93,7 @@ class Suspect:
         if self.type in ALL_IN_ONE:
             # Of these lines: dismissed, it comes again with others
             return f"{self.type} {hashlib.blake2b(' '.join(sorted(self.ids)).encode(), digest_size=8).hexdigest()}"
-        if self.type in ("line", "dashes"):
+        if self.type in ("line", "copy", "dashes"):
             return f"{self.type} {self.ids[0]}"
         east, north = (int(np.floor(v)) for v in self.at)
         return f"{self.type} {self.kind} {east} {north}"
@@ -114,7 +114,7 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
     length_m, bridged_m, wrong_m, found = lines.length_m, lines.bridged_m, _wrong_m(lines), []
     sure_of = _is_sure(lines)
     long_bars = _long_bars(lines, way)
-    for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
+    for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, REVIEWED_TOGETHER)).tolist():
         if any(i in run for run in long_bars) or bool(sure_of[i]):
             continue
         xyz, sure = lines[i].xyz, float(lines.confidence[i])
@@ -155,7 +155,7 @@ def _is_sure(lines: LineSet) -> BoolArray:
         & (_wrong_m(lines) < LEAST_SUSPECT_M)
         & (lines.review == "")
     )
-    is_counted = ~np.isin(lines.kind, (*_COMPANIONS, "road_boundary"))
+    is_counted = ~np.isin(lines.kind, (*REVIEWED_TOGETHER, "road_boundary"))
     return np.asarray(is_sure & (lines.bridged_m <= lines.length_m / 2) & is_counted)
 
 
@@ -179,8 +179,8 @@ def unlisted_lines(lines: LineSet, listed: list[Suspect]) -> list[Suspect]:
     listed
         The items of single lines; those of `sure_lines` need not be among them.
     """
-    ids = [name for suspect in listed if suspect.type == "line" for name in suspect.ids]
-    is_open = (lines.review == "") & ~np.isin(lines.kind, _COMPANIONS) & ~_is_sure(lines)
+    ids = [name for suspect in listed if suspect.type in ("line", "copy") for name in suspect.ids]
+    is_open = (lines.review == "") & ~np.isin(lines.kind, REVIEWED_TOGETHER) & ~_is_sure(lines)
     return _all_in_one("rest", lines.take(is_open & ~np.isin(lines.id, ids)), "")
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
+from linework.editing.queue.copies import copied_lines
 from linework.editing.queue.gaps import gap_suspects
 from linework.editing.queue.suspects import (
     Suspect,
@@ -51,14 +52,18 @@ def suspects(
         By id of a marking, where along it the paint shows dashes: (k, 2) [m].
     """
     there = lines.take(lines.review != "rejected")
+    copies = copied_lines(there)
     found = [
+        *copies,
         *unsure_lines(there, path),
         *gap_suspects(there, path, visible),
         *loose_wires(there, visible),
         *missing_dashes(there, paint),
     ]
     ranked = rank_suspects(found)
-    return ranked + unlisted_lines(there, ranked) + sure_lines(there)
+    # Nothing is accepted with others that may be there twice
+    single = there.take(~np.isin(there.id, [name for suspect in copies for name in suspect.ids]))
+    return ranked + unlisted_lines(single, ranked) + sure_lines(single)
 
 
 def _path(session: SurveySession) -> DrivenPath:
