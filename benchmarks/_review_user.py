@@ -65,6 +65,7 @@ class User:
         before = self.n_actions
         done = {
             "line": self._judge,
+            "copy": self._judge,
             "dashes": self._take_or_leave,
             "sure": self._take_sure,
             "rest": self._leave,
