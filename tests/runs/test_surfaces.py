@@ -32,10 +32,10 @@ from linework.surface.road import find_ground, height_above_ground, height_above
 CORNER = np.array([499_968.0, 5_800_000.0, 100.0])
 
 
-def plane(rng, west, south, east, north, up=0.0, per_m2=30):
+def plane(rng, west, south, east, north, up=0.0, per_m2=30, rough_m=0.01):
     """A level patch of points, relative to `CORNER`."""
     n = int((east - west) * (north - south) * per_m2)
-    xyz = rng.uniform([west, south, up - 0.01], [east, north, up + 0.01], (n, 3))
+    xyz = rng.uniform([west, south, up - rough_m], [east, north, up + rough_m], (n, 3))
     return on_lattice(xyz + CORNER)
 
 
@@ -121,13 +121,47 @@ def test_a_bridge_over_the_path_is_no_road_and_a_path_may_cross_itself(tmp_path)
 def test_a_jump_of_the_path_leads_over_nothing(tmp_path):
     """Between two drives the path leaps over a field: it is no road."""
     rng = np.random.default_rng(8)
-    parts = [plane(rng, 0, 2, 40, 10), plane(rng, 60, 2, 120, 10, up=0.5), plane(rng, 160, 2, 200, 10)]
+    field = plane(rng, 60, 2, 120, 10, up=0.5, rough_m=0.02)
+    parts = [plane(rng, 0, 2, 40, 10), field, plane(rng, 160, 2, 200, 10)]
     store = store_of(tmp_path / "store", np.concatenate(parts))
     path = path_over((5, 6), (35, 6), (165, 6), (195, 6))
     surface = surface_of(store, path, tmp_path / "surface").over(place(0, 0, 200, 12))
     assert is_road_point(surface, at(20, 6)).all()
     assert is_road_point(surface, at(180, 6)).all()
     assert not is_road_point(surface, at(90, 6, 0.5)).any()
+
+
+@pytest.mark.parametrize("west_m", [0.0, -37.0, 13.5])
+def test_another_carriageway_is_as_even_as_the_one_driven_on(tmp_path, west_m):
+    rng = np.random.default_rng(5)
+    east_m = west_m + 100
+    other = plane(rng, west_m, 16, east_m, 24, up=0.4, per_m2=24)
+    field = plane(rng, west_m, 30, east_m, 40, rough_m=0.02)
+    # Where the barrier between them is open, the two touch
+    opening = plane(rng, west_m + 50, 10, west_m + 51, 16.5, up=0.2)
+    store = store_of(
+        tmp_path / "store", np.concatenate([plane(rng, west_m, 2, east_m, 10), other, field, opening])
+    )
+    surface = surface_of(store, path_over((west_m + 5, 6), (east_m - 5, 6)), tmp_path / "surface")
+    around = surface.over(place(west_m, 0, 100, 44))
+
+    def share_of_road(north, up=0.0):
+        places = np.concatenate([at(east, north, up) for east in np.arange(west_m + 5, east_m - 5, 2.5)])
+        return is_road_point(around, places).mean()
+
+    assert share_of_road(6) > 0.9
+    assert share_of_road(20, 0.4) > 0.8
+    assert share_of_road(35) == 0.0
+
+
+def test_a_footway_along_the_road_is_none(tmp_path):
+    rng = np.random.default_rng(6)
+    parts = [plane(rng, 0, 2, 100, 10), plane(rng, 0, 10, 100, 16, up=0.15)]
+    store = store_of(tmp_path / "store", np.concatenate(parts))
+    surface = surface_of(store, path_over((5, 6), (95, 6)), tmp_path / "surface")
+    around = surface.over(place(0, 0, 100, 18))
+    assert is_road_point(around, at(50, 6)).all()
+    assert not is_road_point(around, at(50, 13, 0.15)).any()
 
 
 @pytest.mark.parametrize("split_m", [0.0, 8.0, 11.5, 14.0])

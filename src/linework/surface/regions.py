@@ -20,6 +20,8 @@ from linework.surface.heights import SLOPE_HALO, smooth_slopes
 #: Least area of a road where no path leads over it, and of bare cells that make a whole region ground: larger than the
 #: roof of a lorry, or a few cells of a wire. [m2]
 MIN_ROAD_M2 = 25.0
+#: Unit in which spreads of cells are added up. [m]
+SPREAD_UNIT_M = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,9 @@ class LabelTable:
         (n,) int32, ascending: 1 to `n_border`, and others.
     cells, points, bare
         (n,) int64 number of cells of the region, of points in them, and of cells that the openings take for earth.
+    scatter
+        (n,) int64 sum of the spreads of the cells, in units of `SPREAD_UNIT_M`: whole numbers, so that sums over windows do
+        not depend on the windows.
     first
         (n,) int64 code of the region's first cell in row order; the same in every window.
     island
@@ -64,6 +69,7 @@ class LabelTable:
     cells: IntArray
     points: IntArray
     bare: IntArray
+    scatter: IntArray
     first: IntArray
     island: AnyArray
 
@@ -79,10 +85,11 @@ class RegionFacts:
     pairs
         (k, 3) int32 road label of the table, a ground label that shares cells with it, and how many.
     touching
-        (t, 2) int32 road labels of the table that lie beside each other, with at most one cell between them.
+        (t, 3) int32 road labels of the table that lie beside each other, with at most one cell between them, and in how
+        many places.
     seeds
         (s,) int32 road labels of cells near the path; `drops` (s, 2) float32: smallest and
-        largest depth of the cells below the path. [m]
+        largest depth of the cells below the path [m]; `spreads` (s,) float32: theirs [m].
     """
 
     road: LabelTable
@@ -92,6 +99,7 @@ class RegionFacts:
     touching: AnyArray
     seeds: AnyArray
     drops: Float32Array
+    spreads: Float32Array
 
 
 def region_halo(config: RoadConfig) -> int:
@@ -156,7 +164,8 @@ def cell_regions(
     )
     cells, drops = drops_of_cells(path, window, height, smooth, z0_m, cell)
     seeds = road.ravel()[cells]
-    counts = count, earth.astype(np.int32)
+    scatter = np.rint(np.nan_to_num(spread) / SPREAD_UNIT_M).astype(np.int32)
+    counts = count, earth.astype(np.int32), scatter
     large = kernels.sizes_of_labels(road, count, len(first_road))[0] * cell**2 >= MIN_ROAD_M2
     wanted = np.union1d(seeds, np.flatnonzero(large) + 1)
     roads = _table(window, road, n_road, first_road, counts, islands, cell, wanted)
@@ -170,23 +179,32 @@ def cell_regions(
     n_cells, n_bare = kernels.sizes_of_labels(ground, counts[1], len(first_ground))
     own = np.setdiff1d(np.flatnonzero(is_bare(n_bare, n_cells, cell)) + 1, grounds.labels).astype(np.int32)
     return CellRegions(window, height, east, north, road, ground), RegionFacts(
-        roads, grounds, own, pairs, _touching(np.where(listed[road], road, 0)), seeds, drops
-    )
+        roads, grounds, own, pairs, _touching(np.where(listed[road], road, 0)), seeds, drops,
+        spread.ravel()[cells],
+    )  # fmt: skip
 
 
 def _touching(labels: AnyArray) -> AnyArray:
-    """Return the pairs of labels (n_rows, n_cols) in the same row or column, next to each other or but one, (n, 2) int32."""
+    """Return the pairs of labels (n_rows, n_cols) in the same row or column, next to each other or but one, and how often.
+
+    (n, 3) int32.
+    """
     found = []
     for plane in (labels, labels.T):
         found += [_different(plane[:, :-n], plane[:, n:]) for n in (1, 2)]
-    return np.unique(np.concatenate(found), axis=0)
+    return _counted(np.concatenate(found))
 
 
 def _different(one: AnyArray, other: AnyArray) -> AnyArray:
-    """Return the pairs of labels that differ, the smaller one first, (n, 2) int32."""
+    """Return the pairs of labels that differ, the smaller one first, (n, 2), as often as they occur."""
     at = (one != other) & (one > 0) & (other > 0)
-    pairs = np.sort(np.stack([one[at], other[at]], axis=-1), axis=1)
-    return np.unique(pairs, axis=0).astype(np.int32)
+    return np.sort(np.stack([one[at], other[at]], axis=-1), axis=1)
+
+
+def _counted(pairs: AnyArray) -> AnyArray:
+    """Return each of some pairs (n, 2) once, with how often it occurs, (k, 3) int32."""
+    unique, times = np.unique(pairs, axis=0, return_counts=True)
+    return np.column_stack([unique, times]).astype(np.int32)
 
 
 def _table(
@@ -194,16 +212,16 @@ def _table(
     labels: AnyArray,
     n_border: int,
     first: AnyArray,
-    counts: tuple[AnyArray, AnyArray],
+    counts: tuple[AnyArray, AnyArray, AnyArray],
     islands: Islands,
     cell_m: float,
     wanted: AnyArray,
 ) -> LabelTable:
     """Return the table of labels near the edge, wanted ones, and the one with the most points of each island.
 
-    `counts` are the points of each cell, and 1 for each earth cell.
+    `counts` are the points of each cell, 1 for each earth cell, and the spread of each.
     """
-    (cells, points), (_, bare) = (kernels.sizes_of_labels(labels, count, len(first)) for count in counts)
+    (cells, points), (_, bare), (_, scatter) = (kernels.sizes_of_labels(labels, count, len(first)) for count in counts)
     north = window.north - 1 - first // window.n_cols
     east = window.west + first % window.n_cols
     place = (-north.astype(np.int64) << 32) + east
@@ -216,7 +234,7 @@ def _table(
         chosen.append(most[[np.argmin(place[most])]] + 1)
     kept = np.unique(np.concatenate(chosen)).astype(np.int32)
     at = kept - 1
-    return LabelTable(n_border, kept, cells[at], points[at], bare[at], place[at], island[at])
+    return LabelTable(n_border, kept, cells[at], points[at], bare[at], scatter[at], place[at], island[at])
 
 
 def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:
@@ -231,7 +249,8 @@ def links_east(
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Return the pairs of labels of road and of ground that are connected across an edge, and of roads that only touch.
 
-    Only the two columns on either side of the edge are used: windows may be cropped to them. Each is (n, 2) int32.
+    Only the two columns on either side of the edge are used: windows may be cropped to them. (n, 2) int32 each; roads that
+    touch (n, 3), with the number of places.
     """
     a, b = (slice(None), slice(-2, None)), (slice(None), slice(0, 2))
     return _links(west, east, a, b, west.slope_east[a], east.slope_east[b], config, turned=False)
@@ -275,8 +294,7 @@ def _links(
     beside = np.concatenate(
         [np.stack([roads[0][:, i], roads[1][:, j]], axis=-1) for i, j in ((1, 0), (0, 0), (1, 1))]
     )
-    beside = np.unique(beside[(beside > 0).all(axis=1)], axis=0).astype(np.int32)
-    return found[0], found[1], beside
+    return found[0], found[1], _counted(beside[(beside > 0).all(axis=1)])
 
 
 # Islands: recorded areas that are not connected; each has a road of its own
