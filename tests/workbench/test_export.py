@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from urllib.parse import unquote
 
@@ -48,7 +49,9 @@ def test_other_formats_are_read_back(served, tmp_path, suffix):
 
 def test_a_choice_of_kinds_and_of_lines(served, tmp_path):
     kept = read_lines(served.lines)
-    assert set(lines_in(export(served, kinds=["road_boundary"]), tmp_path / "b.gpkg").kind) == {"road_boundary"}
+    assert set(lines_in(export(served, kinds=["road_boundary"]), tmp_path / "b.gpkg").kind) == {
+        "road_boundary"
+    }
     ids = kept.id[:2].tolist()
     assert lines_in(export(served, ids=ids), tmp_path / "c.gpkg").id.tolist() == ids
     nothing = export(served, kinds=["cable"], ids=ids)
@@ -90,12 +93,52 @@ def test_the_table_of_feature_codes_is_kept_and_used(served_alone):
 def test_a_table_with_a_fault_is_refused_and_the_old_one_stays(served_alone):
     served: Served = served_alone
     served.client.put("/api/codes", json={"text": CODES})
-    for text, word in (("layer\nA\n", "kind"), ("kind,layer\ncable,A:B\n", "A:B"), ("kind,layer,color\ncable,A,red\n", "red")):
+    for text, word in (
+        ("layer\nA\n", "kind"),
+        ("kind,layer\ncable,A:B\n", "A:B"),
+        ("kind,layer,color\ncable,A,red\n", "red"),
+    ):
         refused = served.client.put("/api/codes", json={"text": text})
         assert refused.status_code == 422
         assert "lines.codes.csv" in refused.json()["problem"] and word in refused.json()["problem"]
         assert "/" not in refused.json()["problem"].split("lines.codes.csv")[0]
     assert served.get("/api/codes") == {"text": CODES}
+
+
+def test_the_table_is_no_way_out_of_the_survey(served_alone, tmp_path):
+    served: Served = served_alone
+    (tmp_path / "secret.txt").write_text("kind,layer\nsecret,S\n")
+    path = served.lines.parent / "lines.codes.csv"
+    path.symlink_to(tmp_path / "secret.txt")
+    assert served.client.get("/api/codes").status_code == 422
+    assert export(served, format="dxf", coded=True).status_code == 422
+    served.client.put("/api/codes", json={"text": CODES})
+    assert "secret" in (tmp_path / "secret.txt").read_text()
+
+
+@pytest.mark.parametrize(
+    "text", ["kind,layer\n\ud800,A\n", "kind,layer\ncable,\x00\n", "\n" * 9, "x" * 600_000, ""]
+)
+def test_odd_tables_are_refused_in_one_line(served, text):
+    answer = served.client.put(
+        "/api/codes", content=json.dumps({"text": text}), headers={"Content-Type": "application/json"}
+    )
+    assert 400 <= answer.status_code < 500
+    assert "\n" not in answer.json()["problem"]
+    assert served.get("/api/codes") == {"text": ""}
+
+
+def test_odd_orders_are_refused_in_one_line(served):
+    for order in (
+        {"format": "exe"},
+        {"ids": ["x"] * 20_001},
+        {"kinds": "cable"},
+        {"location": "moon"},
+        {"path": "/etc"},
+    ):
+        answer = export(served, **order)
+        assert 400 <= answer.status_code < 500
+        assert "\n" not in answer.json()["problem"]
 
 
 def test_a_table_that_is_not_text_is_one_line(served_alone):

@@ -29,6 +29,8 @@ _COLOURS = {
 }  # fmt: skip
 #: Tables with more rows than fit a screen are collapsed.
 _LONG_TABLE = 25
+#: Moves that are drawn, a row each: two screens. The table has them all.
+_MOST_DRAWN = 60
 
 
 def changes_page(
@@ -55,7 +57,9 @@ def changes_page(
     moved = [change for change in changes if change.status == "moved"]
     if moved:
         caption = "New minus old after registration; bars: 1.96 standard deviations. Positive: left of the old line, up."
-        figures.append(("Moved lines", caption, _moves_figure(moved)))
+        if len(moved) > _MOST_DRAWN:
+            caption += f" The {_MOST_DRAWN} of {len(moved):,} moves that are largest in their standard deviations."
+        figures.append(("Moved lines", caption, _moves_figure(_largest(moved))))
     if len(registration.cells):
         caption = "What all lines do is navigation, not a change. By cells of 25 m, from west to east."
         figures.append(("Registration of the new survey", caption, _registration_figure(registration)))
@@ -130,6 +134,16 @@ def _map_figure(changes: Sequence[EpochChange], old: LineSet, new: LineSet) -> F
     ax.set_xlabel(f"east of {origin[0]:.0f} [m]")
     ax.set_ylabel(f"north of {origin[1]:.0f} [m]")
     return figure
+
+
+def _largest(moved: Sequence[EpochChange]) -> list[EpochChange]:
+    """Return the moves to draw: those largest in their standard deviations, of equal ones the first by line and station."""
+
+    def size(change: EpochChange) -> float:
+        both = ((change.across_m, change.sigma_across_m), (change.up_m, change.sigma_up_m))
+        return max((abs(value) / max(sigma, 1e-9) for value, sigma in both if math.isfinite(value)), default=0.0)
+
+    return sorted(moved, key=lambda c: (-size(c), str(c.line.id[0]), c.from_m))[:_MOST_DRAWN]
 
 
 def _moves_figure(moved: Sequence[EpochChange]) -> Figure:

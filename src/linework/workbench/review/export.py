@@ -81,20 +81,23 @@ def codes_path(lines: Path) -> Path:
 @export_router.get("/codes")
 async def get_codes(app_state: CurrentState) -> CodeTable:
     """Return the survey's table of feature codes."""
-    path = codes_path(app_state.line_file.path)
-    return CodeTable(text=await asyncio.to_thread(_text_of, path) if path.is_file() else "")
+    return CodeTable(text=await asyncio.to_thread(_text_of, codes_path(app_state.line_file.path)))
 
 
 def _text_of(path: Path) -> str:
+    """Return the text of the table; "" where there is none."""
+    if path.is_symlink():
+        # The page gets nothing that lies elsewhere
+        raise InputError("is a link", where=path, advice="put the table itself there")
+    if not path.exists():
+        return ""
     return read_input_text(path, max_bytes=_LONGEST_TABLE, advice="keep one row for each kind of line")
 
 
 @export_router.put("/codes")
 async def save_codes(table: CodeTable, app_state: CurrentState) -> CodeTable:
     """Save the survey's table of feature codes; a table with a fault is refused, and the old one stays."""
-    path = codes_path(app_state.line_file.path)
-
-    await asyncio.to_thread(_save_codes, table.text, path)
+    await asyncio.to_thread(_save_codes, table.text, codes_path(app_state.line_file.path))
     return table
 
 
@@ -140,7 +143,8 @@ def exported(line_file: LineFile, order: ExportOrder) -> tuple[str, bytes, list[
     if not len(lines):
         raise InputError("no lines to export", advice="choose other kinds, or show more lines in the table")
     table_path = codes_path(line_file.path)
-    codes = read_cad_codes(table_path) if order.coded and order.format == "dxf" else ()
+    is_coded = order.coded and order.format == "dxf" and bool(_text_of(table_path))
+    codes = read_cad_codes(table_path) if is_coded else ()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{line_file.path.stem}.{order.format}"
         points = read_point_layers(line_file.path)
