@@ -39,6 +39,9 @@ PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
 #: A dash is whole if its length is this near the usual one [m]; fewest whole dashes that show where others belong;
 #: number of the nearest ones that are used.
 WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
+#: Range about the folded period in which the exact one lies, as a share of it, and the step in which it is looked for [m]:
+#: over eight periods it adds up to what wear leaves unsharp at an end.
+_PERIOD_REACH, _PERIOD_STEP_M = 0.03, 0.01
 #: Length over which a pattern keeps its period and phase: lines are judged over windows of it. [m]
 PATTERN_WINDOW_M = 60.0
 #: Most by which the whole length exceeds the longest one that is left, beside what wear leaves unsharp. [share]
@@ -248,25 +251,36 @@ def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     length = dashes[:, 1] - dashes[:, 0]
     usual_m = min(float(length.max()), rhythm.dash_m)
     longest_m = (1.0 + WHOLE_SHARE) * usual_m + WHOLE_PAINT_M
-    period_m = _exact_period(dashes, rhythm)
     middle = dashes.mean(axis=1)
     out = dashes.copy()
     for i in np.flatnonzero(length < usual_m - WHOLE_PAINT_M).tolist():
-        near = np.argsort(np.abs(middle - middle[i]), kind="stable")[: 2 * N_NEAR + 1]
-        number = np.rint((middle[near] - middle[i]) / period_m)
-        folded = dashes[near] - number[:, None] * period_m
-        start, second_start = np.sort(folded[:, 0])[:2].tolist()
-        end, second_end = np.sort(folded[:, 1])[:-3:-1].tolist()
-        agree = second_start - start <= WHOLE_PAINT_M and end - second_end <= WHOLE_PAINT_M
-        if agree and end - start <= longest_m:
-            out[i] = start, end
+        order = np.argsort(np.abs(middle - middle[i]), kind="stable")
+        # Along a bend the period changes: the nearest few may agree where more do not
+        for n_near in (2 * N_NEAR + 1, N_NEAR + 1):
+            near = order[:n_near]
+            folded = _folded(dashes[near], np.rint((middle[near] - middle[i]) / rhythm.period_m), rhythm)
+            start, second_start = np.sort(folded[:, 0])[:2].tolist()
+            end, second_end = np.sort(folded[:, 1])[:-3:-1].tolist()
+            agree = second_start - start <= WHOLE_PAINT_M and end - second_end <= WHOLE_PAINT_M
+            if agree and end - start <= longest_m:
+                out[i] = start, end
+                break
     return out
 
 
-def _exact_period(dashes: FloatArray, rhythm: PaintRhythm) -> float:
-    """Return the period [m] by the places of the longer half of the dashes: the fold knows it to a tenth or so."""
-    length = dashes[:, 1] - dashes[:, 0]
-    middle = dashes[length >= np.median(length)].mean(axis=1)
-    number = np.rint(np.diff(middle) / rhythm.period_m)
-    apart = np.diff(middle)[number > 0.0] / number[number > 0.0]
-    return float(np.median(apart)) if len(apart) else rhythm.period_m
+def _folded(dashes: FloatArray, number: FloatArray, rhythm: PaintRhythm) -> FloatArray:
+    """Return dashes (k, 2) moved by whole numbers (k,) of periods, of the period at which they cover the least length.
+
+    The fold of the paint knows the period to a tenth or so. Remains of worn dashes lie anywhere within the whole one, so
+    that neither their middles nor their ends are a period apart; but at the right period they do not reach beyond it.
+
+    >>> worn = np.array([[0.0, 1.0], [11.0, 12.0], [18.0, 21.0], [28.0, 29.0], [36.3, 37.0], [45.0, 48.0]])
+    >>> _folded(worn, np.arange(6.0), PaintRhythm(9.1, 3.0, 0.9)).round(2)[3].tolist()
+    [1.0, 2.0]
+    """
+    steps = round(_PERIOD_REACH * rhythm.period_m / _PERIOD_STEP_M)
+    # From the middle outwards: of equal periods the one nearest to the fold's
+    tried = rhythm.period_m + _PERIOD_STEP_M * np.array(sorted(range(-steps, steps + 1), key=abs))
+    starts, ends = (dashes[:, k] - tried[:, None] * number for k in (0, 1))
+    best = int(np.argmin(np.round(ends.max(axis=1) - starts.min(axis=1), 6)))
+    return np.column_stack([starts[best], ends[best]])

@@ -52,7 +52,7 @@ class ExportOrder(Document):
     coded
         Whether a .dxf gets the layers and codes of the survey's table.
     lanes, location
-        As `linework convert --lanes --location`.
+        As for `linework.files.vectors.read_write.write_lines`.
     """
 
     format: Literal["gpkg", "geojson", "parquet", "dxf", "fgb", "kml", "landxml", "osm", "xodr"]
