@@ -88,3 +88,10 @@ def test_the_order_of_lines_does_not_matter():
     assert sorted(item.key for item in copied_lines(lines)) == sorted(
         item.key for item in copied_lines(turned)
     )
+
+
+def test_either_of_two_may_reach_the_other():
+    exact = line(sigma_m=0.005, id=["exact"], confidence=[0.95])
+    vague = line(0.35, sigma_m=0.1, id=["vague"], confidence=[0.7])
+    for lines in (both(exact, vague), both(vague, exact)):
+        assert [item.ids for item in copied_lines(lines)] == [("vague",)]

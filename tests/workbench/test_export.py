@@ -146,3 +146,8 @@ def test_a_table_that_is_not_text_is_one_line(served_alone):
     (served.lines.parent / "lines.codes.csv").write_bytes(b"kind,layer\nlane_marking,Stra\xdfe\n")
     assert served.client.get("/api/codes").status_code == 422
     assert export(served, format="dxf", coded=True).status_code == 422
+
+
+def test_codes_without_a_table_are_missed_aloud(served_alone):
+    answer = export(served_alone, format="dxf", coded=True)
+    assert "no feature codes" in unquote(answer.headers["linework-warnings"])

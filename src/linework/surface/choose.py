@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, IntArray, offsets_of
+from linework.model.ground import PAVED_SPREAD
 from linework.surface.cells import under_the_wheels
 from linework.surface.regions import (
     MIN_ROAD_M2,
@@ -24,11 +25,9 @@ _LEAST_DENSITY = 0.25
 _NO_NODES = np.zeros(0, dtype=np.int64)
 _NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 _NO_CONTACTS = np.zeros((0, 3), dtype=np.int64)
-#: Spread of the cells of another carriageway, in that of the cells under the path: grass of 2 cm spreads 1.35 times as
-#: much as a road even for a scanner with a noise of 2 cm.
-_EVEN = 1.17
-#: Greatest share of a region's cells in contact with a road that is no kerb between them: behind a lorry, or where a
-#: barrier ends, two carriageways touch; a footway and a verge touch the road all along.
+#: Greatest share of a region's cells in contact with a road: behind a lorry, or where a barrier ends, two carriageways
+#: touch at some places; ground along the road touches it once in each row of cells, which is 1 in 40 (2.5 %) where it is
+#: 20 m wide, and more where it is narrower.
 _FEW_CONTACTS = 0.02
 
 
@@ -208,5 +207,5 @@ def _are_even(scatter: IntArray, cells: IntArray, under: Float32Array) -> BoolAr
     """
     if len(under) == 0:
         return np.zeros(len(cells), dtype=bool)
-    limit = _EVEN * float(np.median(under)) / SPREAD_UNIT_M
+    limit = PAVED_SPREAD * float(np.median(under)) / SPREAD_UNIT_M
     return np.asarray(scatter <= limit * cells)

@@ -46,18 +46,18 @@ def _copies_of(lines: LineSet) -> list[Suspect]:
         return []
     plan = [shapely.LineString(lines[k].xyz[:, :2]) for k in range(len(lines))]
     sigma_m = np.array([_median(lines[k].sigma_xy_m) for k in range(len(lines))])
-    reach_m = np.nan_to_num(lines.width_m) + _N_SIGMAS * sigma_m * np.sqrt(2.0)
+    width_m = np.nan_to_num(lines.width_m)
+    reach_m = width_m + _N_SIGMAS * sigma_m * np.sqrt(2.0)
     near = shapely.STRtree(plan).query(plan, predicate="dwithin", distance=np.maximum(reach_m, 1e-3) * 2.0)
     best: dict[int, Suspect] = {}
-    for i, j in near.T.tolist():
-        if i >= j:
+    # Each line asks with its own reach: a pair counts whichever of the two reaches the other
+    for i, j in np.unique(np.sort(near.T, axis=1), axis=0).tolist():
+        if i == j:
             continue
         weak, other = _weaker_first(lines, i, j)
         if lines.review[weak] != "":
             continue
-        limit_m = float(np.nanmean(np.nan_to_num(lines.width_m[[i, j]]))) + _N_SIGMAS * float(
-            np.hypot(sigma_m[i], sigma_m[j])
-        )
+        limit_m = float(width_m[[i, j]].mean()) + _N_SIGMAS * float(np.hypot(sigma_m[i], sigma_m[j]))
         together_m, apart_m = _together(lines[weak].xyz, lines[other].xyz, limit_m)
         if together_m < max(LEAST_TOGETHER_M, _LEAST_SHARE * float(lines.length_m[weak])):
             continue

@@ -27,7 +27,7 @@ from linework.kernels.classes.near_lines import (
     in_sight,
 )
 from linework.kernels.classes.points import CELL_IS_PAVED, CELL_IS_ROAD
-from linework.model.ground import Ground
+from linework.model.ground import PAVED_SPREAD, Ground
 
 #: Distance within which a place is road because the vehicle drove, or paint is, in sight of it [m]: six lanes and a hard
 #: shoulder.
@@ -45,9 +45,6 @@ _ASIDE_M = 0.4
 _ROUGH_SCATTER, _SMOOTH_M = 1.75, 0.010
 #: The road under the path is looked at this far to its sides. [m]
 _UNDER_PATH_M = 2.0
-#: Ground beyond a kerb is paved where it scatters at most this many times as much as the road: grass of 2 cm scatters
-#: 1.35 times as much even for a scanner with a noise of 2 cm.
-_PAVED_SCATTER = 1.17
 #: Cells that scatter less than any scanner's noise hold one point, or a few of one moment. [m]
 _FEW_POINTS_M = 0.0025
 #: A footway may be narrower than three cells: of 3 x 3 of them a third are even. [rank]
@@ -196,7 +193,7 @@ def _is_paved(ground: Ground, near: NearLines, is_road: BoolArray) -> BoolArray:
     road = sigma[is_road & np.isfinite(sigma)]
     if len(kerb) == 0 or len(road) == 0:
         return np.zeros(ground.grid.shape, dtype=bool)
-    limit = _PAVED_SCATTER * float(np.median(road))
+    limit = PAVED_SPREAD * float(np.median(road))
     smooth = rank_filter(np.where(np.isfinite(sigma), sigma, np.inf), _EVEN_RANK, size=3, mode="nearest")
     even = (smooth <= limit) & ~is_road
     rows, cols = np.nonzero(even)

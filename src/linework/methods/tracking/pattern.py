@@ -40,7 +40,7 @@ PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
 #: number of the nearest ones that are used.
 WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
 #: Range about the folded period in which the exact one lies, as a share of it, and the step in which it is looked for [m]:
-#: over eight periods it adds up to what wear leaves unsharp at an end.
+#: in a bend, dashes of a line 4 m beside the axis of one of 150 m are drawn 1/37 (2.7 %) longer or shorter than there.
 _PERIOD_REACH, _PERIOD_STEP_M = 0.03, 0.01
 #: Length over which a pattern keeps its period and phase: lines are judged over windows of it. [m]
 PATTERN_WINDOW_M = 60.0

@@ -23,6 +23,7 @@ from linework.files.input import read_input_text
 from linework.files.line_file.file import LineFile
 from linework.files.output.publish import publish
 from linework.files.vectors.cad_codes import codes_of_lines, read_cad_codes
+from linework.files.vectors.lane_layer import check_lanes
 from linework.files.vectors.point_layers import read_point_layers
 from linework.files.vectors.read_write import not_expressed, points_left_out, write_lines
 from linework.model.lines import LineSet
@@ -135,9 +136,8 @@ def exported(line_file: LineFile, order: ExportOrder) -> tuple[str, bytes, list[
     Raises
     ------
     InputError
-        There is nothing to export, or the table of feature codes has a fault.
-    UsageError
-        The format has no lanes, or lanelets are wanted without a location.
+        There is nothing to export, the table of feature codes has a fault, the format has no lanes, or lanelets are
+        wanted without a location.
     """
     lines = _chosen(line_file.lines, order)
     if not len(lines):
@@ -149,16 +149,19 @@ def exported(line_file: LineFile, order: ExportOrder) -> tuple[str, bytes, list[
         path = Path(folder) / f"{line_file.path.stem}.{order.format}"
         points = read_point_layers(line_file.path)
         try:
-            write_lines(
-                lines, path, kinds=sorted(set(lines.kind.tolist())), points=points, codes=codes, lanes=order.lanes,
-                location=order.location,
-            )  # fmt: skip
+            check_lanes(path, lanes=order.lanes, location=order.location)
         except UsageError as error:
             # The error names options of the command line, which the page does not have
             raise InputError(error.problem, advice="choose another format, or leave the lanes out") from error
+        write_lines(
+            lines, path, kinds=sorted(set(lines.kind.tolist())), points=points, codes=codes, lanes=order.lanes,
+            location=order.location,
+        )  # fmt: skip
         warnings = [*points_left_out(path, points), *not_expressed(lines, path, order.location)]
         uncoded = {kind for kind, code in zip(lines.kind.tolist(), codes_of_lines(lines, codes), strict=True)
                    if codes and code is None}  # fmt: skip
+        if order.coded and order.format == "dxf" and not codes:
+            warnings.append("the survey has no feature codes: layers are named for the kinds")
         if uncoded:
             warnings.append(f"no feature code for {', '.join(sorted(uncoded))}: on layers named for the kinds")
         name, content = _packed(sorted(Path(folder).iterdir()))
