@@ -95,3 +95,11 @@ def test_either_of_two_may_reach_the_other():
     vague = line(0.35, sigma_m=0.1, id=["vague"], confidence=[0.7])
     for lines in (both(exact, vague), both(vague, exact)):
         assert [item.ids for item in copied_lines(lines)] == [("vague",)]
+
+
+def test_of_equal_lengths_the_nearer_line_counts():
+    weak = line(id=["weak"], confidence=[0.5])
+    near, far = (line(north, id=[name], confidence=[0.9]) for north, name in ((0.1, "near"), (-0.2, "far")))
+    for lines in (both(weak, near, far), both(far, near, weak)):
+        (item,) = [item for item in copied_lines(lines) if item.ids == ("weak",)]
+        assert "10 cm beside" in item.reason

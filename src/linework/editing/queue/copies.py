@@ -49,7 +49,8 @@ def _copies_of(lines: LineSet) -> list[Suspect]:
     width_m = np.nan_to_num(lines.width_m)
     reach_m = width_m + _N_SIGMAS * sigma_m * np.sqrt(2.0)
     near = shapely.STRtree(plan).query(plan, predicate="dwithin", distance=np.maximum(reach_m, 1e-3) * 2.0)
-    best: dict[int, Suspect] = {}
+    # Of each weaker line: the greatest length beside one other and, with its sign changed, the distance there
+    best: dict[int, tuple[float, float]] = {}
     # Each line asks with its own reach: a pair counts whichever of the two reaches the other
     for i, j in np.unique(np.sort(near.T, axis=1), axis=0).tolist():
         if i == j:
@@ -61,9 +62,8 @@ def _copies_of(lines: LineSet) -> list[Suspect]:
         together_m, apart_m = _together(lines[weak].xyz, lines[other].xyz, limit_m)
         if together_m < max(LEAST_TOGETHER_M, _LEAST_SHARE * float(lines.length_m[weak])):
             continue
-        if weak not in best or best[weak].length_m < _UNDECIDED * together_m:
-            best[weak] = _suspect(lines, weak, together_m, apart_m)
-    return [best[k] for k in sorted(best)]
+        best[weak] = max(best.get(weak, (0.0, 0.0)), (together_m, -apart_m))
+    return [_suspect(lines, k, together_m, -nearness) for k, (together_m, nearness) in sorted(best.items())]
 
 
 def _weaker_first(lines: LineSet, i: int, j: int) -> tuple[int, int]:
