@@ -13,7 +13,7 @@ async function start(): Promise<void> {
   const preparation = new Preparation(app);
   api.live(
     (message) => {
-      if (message.type === "changed") app.apply(message);
+      if (message.type === "changed") void app.apply(message);
       else if (message.type === "job") app.emit("job", message);
       else if (message.type === "pictures") app.emit("tiles", message);
       else if (message.type === "busy") preparation.update(message.busy);

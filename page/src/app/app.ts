@@ -151,7 +151,7 @@ export class App {
   private async revert(request: () => Promise<Changed>): Promise<void> {
     try {
       const changed = await request();
-      this.apply(changed);
+      await this.apply(changed);
       this.select(changed.lines.map(({ id }) => id));
       if (changed.lines.length > 0) this.emit("reverted", changed.lines);
     } catch (error) {
@@ -159,10 +159,11 @@ export class App {
     }
   }
 
-  apply(changed: Changed): void {
+  // Once it is done the page has these lines, also where a message was missed
+  async apply(changed: Changed): Promise<void> {
     if (changed.revision <= this.revision) return; // the page's own edits arrive twice: as the answer, and live
     if (changed.revision > this.revision + 1)
-      return void this.reload().catch((error: unknown) => this.reportProblem(error)); // a message was missed
+      return this.reload().catch((error: unknown) => this.reportProblem(error)); // a message was missed
     this.revision = changed.revision;
     for (const id of changed.removed) this.lines.delete(id);
     for (const line of changed.lines) this.lines.set(line.id, line);
@@ -173,10 +174,13 @@ export class App {
 
   // Fetch what has changed since the page's revision; at first, everything
   async reload(): Promise<void> {
-    let all = await api.lines(this.revision);
+    const since = this.revision;
+    let all = await api.lines(since);
     let removed = all.removed;
-    if (this.revision === 0 || all.revision < this.revision) {
-      all = this.revision === 0 ? all : await api.lines();
+    const isWhole = since === 0 || all.revision < since; // a server that was given another file knows less than the page
+    if (isWhole && since > 0) all = await api.lines();
+    if (this.revision > since && all.revision < this.revision) return this.reload(); // older than what came meanwhile
+    if (isWhole) {
       const present = new Set(all.lines.map(({ id }) => id));
       removed = [...this.lines.keys()].filter((id) => !present.has(id));
     }

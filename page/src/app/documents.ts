@@ -61,6 +61,7 @@ export interface Survey {
   who: string;
   kinds: Kind[];
   choices: Record<"role" | "pattern" | "form" | "condition", string[]>;
+  kinds_with: Record<string, string[] | undefined>; // the kinds that an attribute is for
   images: SurveyImage[];
   tiles: { tile_px: number; origin: Place; resolutions: number[] };
   revision: number;

@@ -23,7 +23,7 @@ export class Outbox {
   constructor(
     survey: Survey,
     private readonly page: {
-      saved(changed: Changed): void;
+      saved(changed: Changed): Promise<void>;
       progress(waiting: number, lastSaved: Date | null): void;
       unavailable(error: Error): void; // the server answers, but cannot save now
     },
@@ -54,7 +54,7 @@ export class Outbox {
     this.isResending = true;
     for (let first = this.pending[0]; first !== undefined; first = this.pending[0]) {
       try {
-        this.accept(first, await this.retry(first));
+        await this.accept(first, await this.retry(first));
       } catch (error) {
         if (isUndelivered(error)) {
           this.reportUnavailable(error);
@@ -73,7 +73,7 @@ export class Outbox {
   private async deliver(pending: PendingEdit): Promise<Changed | null> {
     if (this.pending.length > 0) return this.hold(pending); // edits stay in order
     try {
-      return this.accept(pending, await api.change(pending.edit, this.revisionFor(pending), pending.key));
+      return await this.accept(pending, await api.change(pending.edit, this.revisionFor(pending), pending.key));
     } catch (error) {
       if (!isUndelivered(error)) throw error;
       this.reportUnavailable(error);
@@ -104,13 +104,13 @@ export class Outbox {
     }
   }
 
-  private accept(pending: PendingEdit, changed: Changed): Changed {
+  private async accept(pending: PendingEdit, changed: Changed): Promise<Changed> {
     const { from, to } = this.own;
     const known = this.revisionFor(pending);
     // No edit of another page in between: the range of own revisions grows
     if (changed.revision === known + 1) this.own = { from: known === to ? from : known, to: changed.revision };
     this.lastSaved = new Date();
-    this.page.saved(changed);
+    await this.page.saved(changed);
     return changed;
   }
 

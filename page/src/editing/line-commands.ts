@@ -2,6 +2,7 @@
 
 import type { App } from "../app/app";
 import type { Edit, Place } from "../app/documents";
+import { REJECTED } from "../app/filter";
 import type { VertexEditing } from "./vertex-editing";
 
 export interface Command {
@@ -15,7 +16,7 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
   const ids = () => app.selection;
   const one = () => (ids().length === 1 ? app.lines.get(ids()[0] ?? "") ?? null : null);
   const some = () => ids().length > 0;
-  const isRejected = () => some() && ids().every((id) => app.lines.get(id)?.review === "rejected");
+  const isRejected = () => some() && ids().every((id) => app.lines.get(id)?.review === REJECTED);
   const onOne = (action: "smooth" | "reverse") => () => {
     const line = one();
     if (line) void app.change({ action, id: line.id });

@@ -18,6 +18,7 @@ import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { App } from "../app/app";
 import type { Edit, Line, Place } from "../app/documents";
+import { REJECTED } from "../app/filter";
 import { placeOf } from "../app/geometry";
 
 const REACH_PX = 8; // how near to a vertex or a segment the mouse has to be
@@ -57,7 +58,7 @@ export class VertexEditing {
     const [id, ...others] = this.app.selection;
     if (id === undefined || others.length > 0 || this.app.tool !== "select") return null;
     const line = this.app.lines.get(id);
-    return line === undefined || line.review === "rejected" ? null : line;
+    return line === undefined || line.review === REJECTED ? null : line;
   }
 
   removeActive(): boolean {

@@ -2,6 +2,7 @@
 // kinds of the selected lines, show only them, or everything.
 
 import type { App } from "../app/app";
+import { REJECTED } from "../app/filter";
 import { element } from "../controls/element";
 import type { LineLayer } from "./line-layer";
 
@@ -28,7 +29,7 @@ export function legend(app: App, lines: LineLayer, showPath: (visible: boolean) 
     element("summary", {}, "Legend"),
     ...rows,
     element("hr"),
-    switchRow("Rejected lines", "swatch rejected", (visible) => app.filter.hide("rejected", !visible), "rejected"),
+    switchRow("Rejected lines", "swatch rejected", (visible) => app.filter.hide(REJECTED, !visible), REJECTED),
     switchRow("Vehicle path", "swatch path", showPath, "path"),
     element("div", { class: "row" }, element("span", { class: "swatch bridged" }), "bridged (not measured)"),
     element("div", { class: "row" }, element("span", { class: "swatch accepted" }), "accepted"),
@@ -36,7 +37,7 @@ export function legend(app: App, lines: LineLayer, showPath: (visible: boolean) 
     element("label", { class: "row" }, "Accuracy", bands),
   );
   app.on("filter", () => {
-    for (const name of [...kinds, ...inImages, "rejected"]) {
+    for (const name of [...kinds, ...inImages, REJECTED]) {
       const box = made.querySelector<HTMLInputElement>(`input[name="show-${name}"]`);
       if (box) box.checked = !app.filter.hidden.has(name);
     }
@@ -81,6 +82,6 @@ function switchRow(title: string, swatch: string, set: (visible: boolean) => voi
 function count(app: App, counts: Map<string, HTMLElement>): void {
   const found = new Map<string, number>();
   for (const line of app.lines.values())
-    if (line.review !== "rejected") found.set(line.kind, (found.get(line.kind) ?? 0) + 1);
+    if (line.review !== REJECTED) found.set(line.kind, (found.get(line.kind) ?? 0) + 1);
   for (const [kind, place] of counts) place.textContent = String(found.get(kind) ?? "");
 }

@@ -9,6 +9,7 @@ import VectorSource from "ol/source/Vector";
 import type { App } from "../app/app";
 import { LineStyles } from "./line-styles";
 import type { Line, Place, Vertex } from "../app/documents";
+import { REJECTED } from "../app/filter";
 
 export class LineLayer {
   readonly styles: LineStyles;
@@ -79,7 +80,7 @@ export class LineLayer {
     if (this.sigmas === 0) return;
     const features: Feature[] = [];
     for (const line of this.app.lines.values()) {
-      const ring = this.isShown(line) && line.review !== "rejected" ? sigmaBand(line, this.sigmas) : [];
+      const ring = this.isShown(line) && line.review !== REJECTED ? sigmaBand(line, this.sigmas) : [];
       if (ring.length === 0) continue;
       const feature = new Feature(new Polygon([ring]));
       feature.setStyle(this.styles.band(line.kind));

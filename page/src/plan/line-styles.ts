@@ -8,6 +8,7 @@ import Fill from "ol/style/Fill";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { Line } from "../app/documents";
+import { REJECTED } from "../app/filter";
 
 const FAR_M = 0.6; // metres per pixel from which lines are drawn without a casing
 
@@ -67,7 +68,7 @@ export class LineStyles {
   }
 
   private make(line: Line, selected: boolean, far: boolean): Style[] {
-    if (line.review === "rejected") return this.rejected(selected);
+    if (line.review === REJECTED) return this.rejected(selected);
     const isDash = line.kind === "lane_marking_dash";
     const isDashed = line.kind === "lane_marking" && line.pattern === "dashed";
     const width = isDash ? 5 : far || isDashed ? 2 : 3;

@@ -6,6 +6,7 @@ import { nearestOn } from "../app/geometry";
 import type { App } from "../app/app";
 import type { LineLayer } from "./line-layer";
 import type { Place } from "../app/documents";
+import { REJECTED } from "../app/filter";
 
 const REACH_PX = 9;
 
@@ -36,7 +37,7 @@ export class Selecting {
       const line = this.app.lines.get(String(feature.getId()));
       if (line === undefined || !this.lines.isShown(line)) return;
       const distance = nearestOn(line.xyz, place)?.distance_m ?? Infinity;
-      const rank = distance + (line.review === "rejected" ? reach_m : 0);
+      const rank = distance + (line.review === REJECTED ? reach_m : 0);
       if (distance < reach_m && rank < least) [best, least] = [line.id, rank];
     });
     return best;

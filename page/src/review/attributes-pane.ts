@@ -84,8 +84,8 @@ export class AttributesPane implements Pane {
     const summary = this.kinds.querySelector("summary");
     if (summary) summary.textContent = `Kind: ${kinds.size === 1 && line ? this.app.title(line.kind) : "several"} (1 to 9)`;
     for (const row of this.choices.querySelectorAll<HTMLElement>(".choice[data-column]")) {
-      const fitting = KINDS_WITH[row.dataset.column ?? ""];
-      row.hidden = fitting !== undefined && ![...kinds].some((kind) => fitting.has(kind));
+      const fitting = this.app.survey.kinds_with[row.dataset.column ?? ""]; // without a list it is for all kinds
+      row.hidden = fitting !== undefined && ![...kinds].some((kind) => fitting.includes(kind));
     }
     this.facts.replaceChildren(...(line ? factsOf(lines) : [hint()]));
     const buttons = this.commandRow.querySelectorAll("button");
@@ -133,13 +133,6 @@ function medianOf(values: (number | null)[]): string {
 }
 
 const SHORT_PX = 900; // in a lower window the buttons of kinds are folded; their keys work all the same
-// The kinds that an attribute is for; one that is not listed is for all
-const KINDS_WITH: Record<string, Set<string>> = {
-  role: new Set(["lane_marking", "lane_marking_dash"]),
-  pattern: new Set(["lane_marking", "lane_marking_dash"]),
-  form: new Set(["road_boundary", "kerb_top", "road_marking_other", "guardrail", "barrier", "fence"]),
-};
-
 // One key, one value, as on the touch screen in the van. The key is shown on the button.
 const KIND_KEYS = ["1", "2", "3", "4", "5", "6", "7", "8", "9"];
 

@@ -3,7 +3,7 @@
 
 import "./line-table.css";
 import type { App } from "../app/app";
-import { type Limits, medianOf, sigmaOf } from "../app/filter";
+import { type Limits, medianOf, REJECTED, sigmaOf } from "../app/filter";
 import type { Line } from "../app/documents";
 import { Bar, fill } from "../controls/bar";
 import { element } from "../controls/element";
@@ -80,7 +80,7 @@ export class LineTable implements Pane {
     const role = bar.choice("Role", [["", "All roles"], ...app.survey.choices.role.map((each) => [each, each] as const)], (chosen) =>
       app.filter.limit({ role: chosen }));
     const review = bar.choice("Review", [
-      ["", "All"], ["none", "Not reviewed"], ["accepted", "Accepted"], ["edited", "Edited"], ["drawn", "Drawn"], ["rejected", "Rejected"],
+      ["", "All"], ["none", "Not reviewed"], ["accepted", "Accepted"], ["edited", "Edited"], ["drawn", "Drawn"], [REJECTED, "Rejected"],
     ], (chosen) => app.filter.limit({ review: chosen }));
     const confidence = element("input", { type: "range", min: 0, max: 1, step: 0.01, value: 0, name: "least-confidence", "aria-label": "Least confidence" });
     const least = element("output", {}, "0.00");

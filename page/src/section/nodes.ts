@@ -2,6 +2,7 @@
 
 import type { Points } from "../app/api";
 import type { Line, Place, Vertex } from "../app/documents";
+import { REJECTED } from "../app/filter";
 
 // A vertical plane through `at`, perpendicular to `heading_deg`: x to the right of the heading, y along it, z up
 export interface Plane {
@@ -35,7 +36,7 @@ export function inWorld(plane: Plane, x: number, y: number): Place {
 export function nodesIn(plane: Plane, lines: Iterable<Line>, half_width_m: number, near_m: number): SectionNode[] {
   const nodes: SectionNode[] = [];
   for (const line of lines) {
-    if (line.review === "rejected") continue;
+    if (line.review === REJECTED) continue;
     const places = line.xyz.map((vertex) => inSection(plane, vertex));
     const own: SectionNode[] = [];
     for (let i = 1; i < places.length; i++) {

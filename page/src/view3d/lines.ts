@@ -7,6 +7,7 @@ import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js
 
 import { brightened, CANVAS } from "../controls/colours";
 import type { Line, Place, Vertex } from "../app/documents";
+import { REJECTED } from "../app/filter";
 
 const DRAW_RADIUS_M = 250; // lines farther away would be a few pixels
 const GROWING = CANVAS.followed;
@@ -31,7 +32,7 @@ export class Lines3D {
     origin: Vertex, colourOf: (kind: string) => string,
   ): void {
     const parts = { solid: part(), dashed: part(), halo: part(), selected: part(), selectedDashed: part() };
-    this.drawn = [...lines].filter((line) => line.review !== "rejected" && isNear(line, at));
+    this.drawn = [...lines].filter((line) => line.review !== REJECTED && isNear(line, at));
     for (const line of this.drawn) {
       const isSelected = selectedIds.includes(line.id);
       const colour = new Color(brightened(colourOf(line.kind)));

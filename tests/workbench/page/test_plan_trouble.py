@@ -90,3 +90,58 @@ def test_all_keys_are_in_the_help(browser, served_alone):
         # One key, one meaning, among those that always work
         keys = page.locator("dialog.help section:has-text('Attributes') kbd").all_inner_texts()
         assert len(keys) == len(set(keys))
+
+
+#: Makes the page's connection for messages one that a test can reach.
+_REACHABLE = """
+  window.WebSocket = class extends WebSocket {
+    constructor(url) {
+      super(url);
+      if (url.endsWith("/api/live")) window.liveSocket = this;
+    }
+  };
+"""
+
+
+def _drawn_and_deleted(served):
+    """Draw a line and delete it, both behind the page's back; return its name."""
+    edit = {"action": "draw", "kind": "lane_marking", "xyz": [place[:2] for place in _line(served)["xyz"]]}
+    (drawn,) = served.post("/api/changes", {"revision": 0, "edit": edit})["lines"]
+    served.post("/api/changes", {"revision": 1, "edit": {"action": "delete", "ids": [drawn["id"]]}})
+    return drawn["id"]
+
+
+def test_an_undo_selects_its_line_where_messages_were_missed(browser, served_alone):
+    """A page that has not heard of the last edits fetches them before it selects what the undo brought back."""
+    with opened_page(browser, served_alone) as page:
+        page.add_init_script(_REACHABLE)
+        page.reload()
+        plan = PlanPage(page, served_alone)
+        wait_until(lambda: page.evaluate("window.liveSocket?.readyState") == 1)
+        page.evaluate("liveSocket.onmessage = null")
+        drawn = _drawn_and_deleted(served_alone)
+        plan.press("Control+z")
+        wait_until(lambda: plan.selected == [drawn])
+        assert plan.revision == 3
+
+
+def test_an_answer_older_than_what_came_meanwhile_takes_nothing_away(browser, served_alone):
+    with opened_page(browser, served_alone) as page:
+        page.add_init_script(_REACHABLE)
+        page.reload()
+        plan = PlanPage(page, served_alone)
+        drawn = _drawn_and_deleted(served_alone)
+        wait_until(lambda: plan.revision == 2)
+        held = []
+        page.route("**/api/lines?since=2", lambda route: held.append((route, route.fetch())), times=1)
+        # The connection is lost and comes back: the page fetches what it may have missed
+        page.evaluate("liveSocket.close()")
+        wait_until(lambda: page.evaluate("true") and held)
+        plan.press("Control+z")
+        wait_until(lambda: plan.selected == [drawn])
+        ((route, answer),) = held
+        with page.expect_response("**/api/lines?since=3"):
+            route.fulfill(response=answer)
+        plan.press("a")
+        wait_until(lambda: plan.documents()[drawn]["review"] == "accepted")
+        assert plan.selected == [drawn]

@@ -19,8 +19,8 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
 #: Longest note, in characters: a sentence or two.
 LONGEST_REVIEW_NOTE = 500
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
-#: Columns that apply to some kinds only; lines of other kinds leave them empty.
-_MEANT_FOR: Mapping[str, tuple[str, ...]] = {
+#: The kinds that a column applies to, where it does not apply to all; lines of other kinds leave them empty.
+KINDS_WITH: Mapping[str, tuple[str, ...]] = {
     "role": ("lane_marking", "lane_marking_dash"),
     "pattern": ("lane_marking", "lane_marking_dash"),
     "double": ("lane_marking",),
@@ -54,7 +54,7 @@ def with_kind(lines: LineSet, kind: str) -> LineSet:
     check_line_kind(kind)
     empty = {"double": False, "width_m": np.nan, "height_m": np.nan, "clearance_m": np.nan}
     columns: dict[str, object] = {"kind": np.full(len(lines), kind)}
-    for name, kinds in _MEANT_FOR.items():
+    for name, kinds in KINDS_WITH.items():
         keeps = (lines.kind == kind) | (kind in kinds and name != "form")
         columns[name] = np.where(keeps, getattr(lines, name), empty.get(name, ""))
     return lines.with_columns(**columns)
@@ -89,7 +89,7 @@ def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
         raise UsageError(
             f"{value} is not a {column}", where="set", advice=f"choose from {', '.join(CHOICES[column])}"
         )
-    others = [kind for kind in lines.kind.tolist() if kind not in _MEANT_FOR.get(column, (kind,))]
+    others = [kind for kind in lines.kind.tolist() if kind not in KINDS_WITH.get(column, (kind,))]
     if others and value:
         raise UsageError(f"a {others[0]} has no {column}", where="set", advice="choose other lines")
     return lines.with_columns(**{column: np.full(len(lines), value)})
