@@ -30,8 +30,12 @@ MOST_CHARACTERS = 280
 _MOST_OF_A_PATH = 4096
 #: The password in an address or in the description of a connection: paths drop one of the slashes.
 _PASSWORD = re.compile(
-    r"(?i)((?:\b[a-z][a-z0-9+.-]{0,20}:/{1,2}[^/@\s:]{0,100}:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
+    r"(?i)((?:\b(?!https?:)[a-z][a-z0-9+.-]{0,20}:/{1,2}[^/@\s:]{0,100}:)"
+    # A port of the web is none
+    r"|(?:\bhttps?:/{1,2}[^/@\s:]{0,100}:(?!\d{1,5}(?:[/\s]|:\s|$)))|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
 )
+
+_ONE_SLASH = re.compile(r"(?i)^(https?|s3):/(?!/)")
 
 
 def argument(name: str, value: str | int | bool | None = None) -> str:
@@ -151,6 +155,8 @@ class LineworkError(Exception):
         """
         # In front of a colon a parameter stands alone: `crs: `, not `crs=: `
         where = _shortened(in_words(str(self.where), speech).removesuffix("="), _MOST_OF_A_PATH)
+        # Paths drop one of the slashes
+        where = _ONE_SLASH.sub(r"\1://", where)
         text = f"{where}: " if self.where is not None else ""
         problem = _shortened(in_words(self.problem, speech), MOST_CHARACTERS - len(self.advice))
         text += problem if problem.endswith("?") else f"{problem}."
@@ -317,6 +323,7 @@ EXTRAS = {
     "cad": ("DXF files", ("ezdxf",)),
     "postgis": ("PostGIS databases", ("psycopg",)),
     "e57": ("E57 files", ("pye57",)),
+    "remote": ("points at an address", ("obstore",)),
     "parquet": ("GeoParquet files", ("pyarrow",)),
     "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),
 }

@@ -18,7 +18,7 @@ SurveyArgument = Annotated[
     list[Path],
     typer.Argument(
         metavar="SURVEY",
-        help="LAS, LAZ, PLY or PCD files, a folder of them, a survey folder, or a KITTI drive.",
+        help="LAS, LAZ, PLY or PCD files, a folder of them, a survey folder, or a KITTI drive; LAS or LAZ at an address.",
     ),
 ]
 #: Commands that write other files than lines say which in an option of their own.
@@ -50,6 +50,9 @@ Location = Annotated[
 ]
 AllowOutside = Annotated[
     bool, typer.Option("--allow-outside", help="Let survey.toml name files outside its folder.")
+]
+AllowRemote = Annotated[
+    bool, typer.Option("--allow-remote", help="Let survey.toml name points at addresses (https, s3).")
 ]
 TrajectoryFile = Annotated[
     Path | None,

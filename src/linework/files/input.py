@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+from linework.files.remote.address import is_remote
+from linework.files.remote.reader import open_remote
 
 # A value set by the user stays
 os.environ.setdefault("CPL_VSIL_CURL_ALLOWED_EXTENSIONS", ".invalid")
@@ -115,8 +117,12 @@ def open_input(path: Path) -> BinaryIO:
     Raises
     ------
     InputError
-        Missing, unreadable, not a regular file, or empty.
+        Missing, unreadable, not a regular file, or empty; at an address, also without ranges.
+    MachineError
+        The server of an address cannot be reached, or fails.
     """
+    if is_remote(path):
+        return open_remote(path)
     filled_file_bytes(path)
     return path.open("rb")
 

@@ -15,11 +15,13 @@ from linework.errors import PartialError, UsageError, argument
 from linework.files.output.locks import reserve_folder
 from linework.files.output.publish import publish_folder
 from linework.files.output.record import hash_file, write_json
+from linework.files.remote.address import check_here
 from linework.files.vectors.read_write import read_usable_lines
 from linework.library.opened import (
     GivenSettings,
     GivenSource,
     GivenTrajectory,
+    given_survey,
     opened_source,
     settings_given,
     temporary_work,
@@ -121,6 +123,7 @@ def classify_files(
     crs: Any = None,
     trajectory: GivenTrajectory = None,
     allow_outside: bool = False,
+    allow_remote: bool = False,
     settings: GivenSettings = None,
     workers: int | None = None,
     work: str | Path | None = None,
@@ -137,7 +140,7 @@ def classify_files(
         File of the survey's lines, or the lines.
     output
         Folder for the copies, and for a record of them, ``classes.json``.
-    crs, trajectory, allow_outside, settings, workers, work, progress
+    crs, trajectory, allow_outside, allow_remote, settings, workers, work, progress
         As for `linework.extract`.
     overwrite
         Replace files of the same names in the folder.
@@ -165,13 +168,13 @@ def classify_files(
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(display_of(progress)))
         work_path = held.enter_context(temporary_work(work))
+        survey = given_survey(src, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
+        check_here(survey.point_files, "copy it here first: its copy gets the classes")
         recordings = held.enter_context(
             opened_source(
-                src,
+                survey,
                 work_path,
-                crs=crs,
                 trajectory=trajectory,
-                allow_outside=allow_outside,
                 images=False,
                 kinds=["classes"],
                 steps=steps,

@@ -62,6 +62,7 @@ def extract(
     ground: Ground | GroundFinder | None = None,
     carry: str | Sequence[str] = (),
     allow_outside: bool = False,
+    allow_remote: bool = False,
     settings: GivenSettings = None,
     workers: int | None = None,
     work: str | Path | None = None,
@@ -93,6 +94,8 @@ def extract(
         Extra dimensions of the LAS files that methods use, by name.
     allow_outside
         Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
+    allow_remote
+        Whether a survey.toml may name points at addresses (https://, s3://); one that is given here is called anyway.
     settings
         Settings, a run file, or its tables as a mapping.
     workers
@@ -152,7 +155,7 @@ def extract(
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, carry=carried, allow_outside=allow_outside,
+                src, folder, crs=crs, trajectory=trajectory, carry=carried, allow_outside=allow_outside, allow_remote=allow_remote,
                 laser="points" in looked_at, images="pairs" in looked_at,
                 kinds=[kind for method in asked for kind in method.kinds], steps=steps,
             )

@@ -39,7 +39,12 @@ GivenSettings = RunSettings | Mapping[str, Any] | str | Path | None
 
 
 def given_survey(
-    src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = (), allow_outside: bool = False
+    src: GivenSource,
+    *,
+    crs: Any = None,
+    carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
+    allow_remote: bool = False,
 ) -> Survey:
     """Return the survey that files belong to, or the survey itself.
 
@@ -59,8 +64,13 @@ def given_survey(
             advice="write linework.Points(array, crs=...), and read from that",
         )  # fmt: skip
     if not isinstance(src, Survey):
-        return open_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
-    for name, value in (("crs", crs), ("carry", carry), ("allow_outside", allow_outside)):
+        return open_survey(src, crs=crs, carry=carry, allow_outside=allow_outside, allow_remote=allow_remote)
+    for name, value in (
+        ("crs", crs),
+        ("carry", carry),
+        ("allow_outside", allow_outside),
+        ("allow_remote", allow_remote),
+    ):
         if value not in (None, (), False):
             raise UsageError(
                 "an opened survey has its own", where=argument(name), advice="give it to open_survey instead"
@@ -110,6 +120,7 @@ def opened_source(
     trajectory: GivenTrajectory = None,
     carry: str | Sequence[str] = (),
     allow_outside: bool = False,
+    allow_remote: bool = False,
     laser: bool = True,
     images: bool = True,
     kinds: Iterable[str] = (),
@@ -143,7 +154,7 @@ def opened_source(
         with opened_points(src, work, trajectory=path, steps=steps) as recordings:
             yield recordings
         return
-    survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
+    survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside, allow_remote=allow_remote)
     if trajectory is not None:
         survey = survey.with_trajectory(_given_file(trajectory, work))
     compile_stage(compiled_for(survey, kinds, images=images), steps)

@@ -44,13 +44,14 @@ def read_points(
     crs: Any = None,
     carry: str | Sequence[str] = (),
     allow_outside: bool = False,
+    allow_remote: bool = False,
     progress: Progress = None,
 ) -> Points:
     """Return all points of laser files in memory.
 
     Parameters
     ----------
-    src, crs, allow_outside, progress
+    src, crs, allow_outside, allow_remote, progress
         As for `linework.extract`.
     carry
         Fields and extra dimensions of the LAS files that become columns, by name: ``carry=["classification"]``.
@@ -72,13 +73,17 @@ def read_points(
         Files that were left out among good ones, and what else was odd.
     """
     with display_of(progress) as display, RunSteps(display).step("read points", unit="points") as advance:
-        survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
+        survey = given_survey(
+            src, crs=crs, carry=carry, allow_outside=allow_outside, allow_remote=allow_remote
+        )
         read = read_survey_points(survey, progress=advance)
     warn_of([*(problem for _, problem in read.failures), *read.warnings])
     return read.points
 
 
-def read_trajectory(src: GivenSource, *, crs: Any = None, allow_outside: bool = False) -> Trajectory:
+def read_trajectory(
+    src: GivenSource, *, crs: Any = None, allow_outside: bool = False, allow_remote: bool = False
+) -> Trajectory:
     """Return the path of the vehicle's origin, exactly as `linework.extract` uses it.
 
     Parameters
@@ -111,7 +116,11 @@ def read_trajectory(src: GivenSource, *, crs: Any = None, allow_outside: bool = 
     with contextlib.ExitStack() as held:
         work = held.enter_context(temporary_work(None))
         # Images are needed only where there are no points that the trajectory has to fit
-        survey = src if isinstance(src, Points) else given_survey(src, crs=crs, allow_outside=allow_outside)
+        survey = (
+            src
+            if isinstance(src, Points)
+            else given_survey(src, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
+        )
         images = isinstance(survey, Survey) and not survey.point_files
         found = held.enter_context(opened_source(survey, work, images=images))
         report = report_of_recordings(found, LineSet.empty(), (), {})
@@ -133,6 +142,7 @@ def locate(
     *,
     crs: Any = None,
     allow_outside: bool = False,
+    allow_remote: bool = False,
     rate_hz: float = 50.0,
     longest_outage_s: float = 180.0,
     progress: Progress = None,
@@ -144,7 +154,7 @@ def locate(
     ----------
     src
         A survey folder with [navigation] in its survey.toml, or the opened survey.
-    crs, allow_outside, progress, on_problem
+    crs, allow_outside, allow_remote, progress, on_problem
         As for `linework.extract`.
     rate_hz
         Output rate. [Hz]
@@ -160,7 +170,7 @@ def locate(
     """
     check_on_problem(on_problem)
     with display_of(progress) as display:
-        survey = given_survey(src, crs=crs, allow_outside=allow_outside)
+        survey = given_survey(src, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         located, remarks = located_drive(
             survey,
             rate_hz=rate_hz,

@@ -49,6 +49,7 @@ def trace(
     crs: Any = None,
     trajectory: GivenTrajectory = None,
     allow_outside: bool = False,
+    allow_remote: bool = False,
     settings: GivenSettings = None,
     work: str | Path | None = None,
     progress: Progress = None,
@@ -71,7 +72,7 @@ def trace(
         pairs (He and Novak 1992) instead of the points.
     method
         "auto", or "obb-2023": lane markings and road boundaries as published, with the settings ``obb_2023``.
-    crs, trajectory, allow_outside, settings, work, progress, on_problem
+    crs, trajectory, allow_outside, allow_remote, settings, work, progress, on_problem
         As for `extract`.
 
     Returns
@@ -105,7 +106,7 @@ def trace(
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, allow_outside=allow_outside, laser=image is None,
+                src, folder, crs=crs, trajectory=trajectory, allow_outside=allow_outside, allow_remote=allow_remote, laser=image is None,
                 images=image is not None,
                 kinds=kinds_to_compile(kind or "", in_image=image is not None), steps=steps,
             )

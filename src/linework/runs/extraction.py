@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linework.files.remote.address import address_text, is_remote
 from linework.files.store.facts import StoreFacts
 from linework.files.store.in_memory import FileFacts
 from linework.lines.names import cell_id, cells_of_lines
@@ -178,8 +179,15 @@ def with_sources(lines: LineSet, files: Sequence[FileFacts], survey: str) -> Lin
 
 
 def path_text(path: Path) -> str:
-    """Return a path as UTF-8 text; other bytes are escaped."""
-    return os.fsencode(path).decode("utf-8", errors="backslashreplace")
+    """Return a path as UTF-8 text, an address with both its slashes; other bytes are escaped."""
+    return os.fsencode(address_text(path)).decode("utf-8", errors="backslashreplace")
+
+
+def input_record(path: Path, digest: str) -> dict[str, str | int]:
+    """Return an input as run.json lists it: with its SHA-256, or the state of a remote file."""
+    if is_remote(path):
+        return {"file": path_text(path), "state": digest}
+    return {"file": path_text(path), "bytes": path.stat().st_size, "sha256": digest}
 
 
 def _listed(names: Sequence[str]) -> str:

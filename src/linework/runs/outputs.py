@@ -22,7 +22,7 @@ from linework.files.vectors.read_write import not_expressed, points_left_out, wr
 from linework.lines.lanes import find_lanes
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
-from linework.runs.extraction import Extraction, Failure, path_text
+from linework.runs.extraction import Extraction, Failure, input_record, path_text
 from linework.runs.record import record_path, versions
 from linework.runs.steps import RunSteps
 from linework.surface.aside import RoadAside
@@ -117,10 +117,7 @@ def record_of(
         "versions": versions(),
         "crs": {"name": describe_crs(lines.crs), "wkt": lines.crs},
         "parameters": dict(parameters),
-        "inputs": [
-            {"file": path_text(file), "bytes": file.stat().st_size, "sha256": digest}
-            for file, digest in extraction.hashes.items()
-        ],
+        "inputs": [input_record(file, digest) for file, digest in extraction.hashes.items()],
         "output": {"file": path_text(output), "bytes": written.stat().st_size, "sha256": hash_file(written)},
         "counts": {
             **_point_counts(read),

@@ -11,6 +11,7 @@ import typer
 from linework.cli.failures import warn
 from linework.cli.options import (
     AllowOutside,
+    AllowRemote,
     AsJson,
     Crs,
     Overwrite,
@@ -35,6 +36,7 @@ def classify_command(
     config: RunFile = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     workers: Workers = None,
     overwrite: Overwrite = False,
@@ -54,6 +56,7 @@ def classify_command(
     with contextlib.ExitStack() as held:
         held.enter_context(reserve_folder(output, overwrite=overwrite, inputs=[lines, trajectory, config]))
         display = held.enter_context(open_display(quiet=quiet))
+        from linework.files.remote.address import check_here
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import read_usable_lines
         from linework.library.classify import RECORD, classified_problem, classify_recordings
@@ -65,7 +68,8 @@ def classify_command(
         from linework.runs.steps import RunSteps
 
         settings, steps = read_settings(config), RunSteps(display)
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
+        check_here(survey.point_files, "copy it here first: its copy gets the classes")
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         given, left_out = read_usable_lines(lines, crs=survey.crs)

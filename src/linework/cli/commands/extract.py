@@ -12,6 +12,7 @@ import typer
 from linework.cli.failures import warn
 from linework.cli.options import (
     AllowOutside,
+    AllowRemote,
     AsJson,
     Crs,
     LinesOutput,
@@ -68,6 +69,7 @@ def extract_command(
     set_values: SetValues = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     workers: Workers = None,
     work: WorkFolder = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
@@ -124,7 +126,7 @@ def extract_command(
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config, set_values)
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]

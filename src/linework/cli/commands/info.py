@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.cli.failures import warn
-from linework.cli.options import AllowOutside, AsJson, Crs, Quiet, SurveyArgument, WorkFolder
+from linework.cli.options import AllowOutside, AllowRemote, AsJson, Crs, Quiet, SurveyArgument, WorkFolder
 from linework.cli.said import say, say_json
 
 
@@ -15,6 +15,7 @@ def info(
     surveys: SurveyArgument,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -22,8 +23,10 @@ def info(
     """Summarise SURVEY: points, trajectory, images and logs.
 
     Lists files, CRS, extent, heights, point density, scan-line spacing, intensity, times and their gaps,
-    trajectory, cameras, stereo pairs (and whether their rows match) and logs.
+    trajectory, cameras, stereo pairs (and whether their rows match) and logs. Of points at an address only the headers
+    are read.
     """
+    from linework.files.remote.address import is_remote
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
     from linework.runs.opened.describe import describe_survey
@@ -33,8 +36,9 @@ def info(
     from linework.runs.steps import RunSteps
 
     with open_display(quiet=quiet) as display:
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
-        if survey.point_files:
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
+        is_here = not any(is_remote(path) for path in survey.point_files)
+        if survey.point_files and is_here:
             folder = work_folder(survey.root, work)
             with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:
                 document = describe_survey(read_into_memory(opened), survey)
@@ -73,11 +77,15 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
 def _points(document: dict[str, Any]) -> Iterator[str]:
     """Yield the lines about the positions of the points."""
     extent = document["extent_m"]
-    yield f"points      {document['points']:,}"
-    yield (
-        f"extent      east {extent['west']:.2f} to {extent['east']:.2f}, north {extent['south']:.2f} to "
-        f"{extent['north']:.2f} ({extent['east'] - extent['west']:.1f} x {extent['north'] - extent['south']:.1f} m)"
-    )
+    by_headers = document["height_m"] is None
+    yield f"points      {document['points']:,}" + (" by the headers; no point was read" if by_headers else "")
+    if extent is not None:
+        yield (
+            f"extent      east {extent['west']:.2f} to {extent['east']:.2f}, north {extent['south']:.2f} to "
+            f"{extent['north']:.2f} ({extent['east'] - extent['west']:.1f} x {extent['north'] - extent['south']:.1f} m)"
+        )
+    if by_headers:
+        return
     yield f"height      {_spread(document['height_m'])} m"
     yield f"density     {_spread(document['density_per_m2'])} points/m2"
     if document["scan_line_spacing_m"] is not None:
@@ -90,6 +98,15 @@ def _recorded(document: dict[str, Any]) -> Iterator[str]:
     if not document["points"]:
         yield "points      none"
         return
+    if document["height_m"] is not None:
+        yield from _intensity_and_time(intensity, time)
+    # In the order of the files, each once
+    columns = dict.fromkeys(name for file in document["files"] for name in file["columns"])
+    yield f"columns     {', '.join(columns)}"
+
+
+def _intensity_and_time(intensity: dict[str, Any] | None, time: dict[str, Any] | None) -> Iterator[str]:
+    """Yield the lines about what is read with each point."""
     yield "intensity   " + (
         "none"
         if intensity is None
@@ -107,9 +124,6 @@ def _recorded(document: dict[str, Any]) -> Iterator[str]:
         )
         for gap in time["gaps"]:
             yield f"  gap       {gap['start_s']:.3f} to {gap['end_s']:.3f} s"
-    # In the order of the files, each once
-    columns = dict.fromkeys(name for file in document["files"] for name in file["columns"])
-    yield f"columns     {', '.join(columns)}"
 
 
 def _driven(document: dict[str, Any]) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from linework.cli.options import AllowOutside, AsJson, Crs, Overwrite, Quiet, WorkFolder
+from linework.cli.options import AllowOutside, AllowRemote, AsJson, Crs, Overwrite, Quiet, WorkFolder
 from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def live(
     ] = False,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -81,7 +82,7 @@ def live(
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
 
-        survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
+        survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         compile_stage(("stereo",), RunSteps(display))
         display.__exit__(None, None, None)
 

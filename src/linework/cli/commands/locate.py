@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import AllowOutside, AsJson, Crs, Overwrite, Quiet
+from linework.cli.options import AllowOutside, AllowRemote, AsJson, Crs, Overwrite, Quiet
 from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def locate_command(
     ] = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -59,7 +60,7 @@ def locate_command(
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         located, warnings = located_drive(
             survey, rate_hz=rate_hz, longest_outage_s=longest_outage_s, steps=steps
         )

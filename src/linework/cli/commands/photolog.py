@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
+from linework.cli.options import AllowOutside, AllowRemote, Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
 from linework.cli.said import say
 
 
@@ -23,6 +23,7 @@ def photolog(
     trajectory: TrajectoryFile = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -56,7 +57,7 @@ def photolog(
         reserve_output(output, overwrite=overwrite, inputs=[trajectory]),
         open_display(quiet=quiet) as display,
     ):
-        survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
+        survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         series, single = open_stereo(survey), open_single_cameras(survey)

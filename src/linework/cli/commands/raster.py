@@ -13,6 +13,7 @@ import typer
 from linework.cli.failures import warn
 from linework.cli.options import (
     AllowOutside,
+    AllowRemote,
     AsJson,
     Crs,
     Overwrite,
@@ -24,6 +25,8 @@ from linework.cli.options import (
 from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from linework.arrays import Float32Array
     from linework.files.store.in_memory import SurveyPoints
     from linework.methods.radon.figures import CandidateLines, FigureConfig
@@ -96,6 +99,7 @@ def raster(
     trajectory: TrajectoryFile = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -109,7 +113,7 @@ def raster(
     from linework.errors import PartialError, check_extra
 
     if pair is not None:
-        _publish_pair(surveys, pair, output, crs=crs, allow_outside=allow_outside, work=work,
+        _publish_pair(surveys, pair, output, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work,
                       overwrite=overwrite, as_json=as_json, quiet=quiet)  # fmt: skip
         return
 
@@ -129,7 +133,7 @@ def raster(
         open_display(quiet=quiet) as display,
     ):
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         opened = _read(survey, work, steps)
@@ -137,8 +141,9 @@ def raster(
         grid = _grid(survey, read.points, path, cells)
         lines: list[CandidateLines] = []
         record = _publish(
-            survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps, candidates=lines
-        )
+            survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps, candidates=lines,
+            hashes=opened.hashes,
+        )  # fmt: skip
         if candidates is not None:
             _write_candidates(lines[0], survey.crs, candidates, overwrite=overwrite)
     for warning in opened.warnings:
@@ -234,7 +239,7 @@ def _write_candidates(found: CandidateLines, crs: str, path: Path, *, overwrite:
 
 
 def _publish_pair(
-    surveys: list[Path], number: int, output: Path, *, crs: str | None, allow_outside: bool, work: Path | None,
+    surveys: list[Path], number: int, output: Path, *, crs: str | None, allow_outside: bool, allow_remote: bool, work: Path | None,
     overwrite: bool, as_json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Write the images of each step of detection in a stereo pair, and the chain codes of its lines."""
@@ -252,7 +257,7 @@ def _publish_pair(
     from linework.runs.steps import RunSteps
 
     with reserve_folder(output, overwrite=overwrite), open_display(quiet=quiet) as display:
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         folder = work_folder(survey.root, work)
         with opened_recordings(survey, folder, laser=False, steps=RunSteps(display)) as recordings:
             stereo = recordings.stereo
@@ -342,6 +347,7 @@ def _publish(
     overwrite: bool,
     steps: RunSteps,
     candidates: list[CandidateLines],
+    hashes: Mapping[Path, str],
 ) -> dict[str, Any]:
     """Write all images and run.json to a folder atomically, and return the record."""
     from linework.crs import describe_crs, epsg_text
@@ -373,7 +379,7 @@ def _publish(
                 write_geotiff(figure.image, folder / f"{figure.name}.tif", crs=crs)
                 (folder / f"{figure.name}.png").write_bytes(figure.png)
                 names.append(figure.name)
-        record.update(_record(survey, read, what, names, steps))
+        record.update(_record(survey, read, what, names, steps, hashes))
         write_json(record, folder / "run.json")
 
     def verify(folder: Path) -> None:
@@ -397,13 +403,14 @@ def _normalised(points: Points, surface: Ground, path: Trajectory | None) -> Flo
 
 
 def _record(
-    survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: RunSteps
-) -> dict[str, Any]:
+    survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: RunSteps,
+    hashes: Mapping[Path, str],
+) -> dict[str, Any]:  # fmt: skip
     """Return the content of run.json."""
     from dataclasses import asdict
 
     from linework.crs import describe_crs
-    from linework.files.output.record import hash_file
+    from linework.runs.extraction import input_record
     from linework.runs.record import versions
 
     grid, config = what
@@ -413,8 +420,7 @@ def _record(
         "crs": {"name": describe_crs(survey.crs), "wkt": survey.crs},
         "parameters": {"grid": asdict(grid), **asdict(config)},
         "inputs": [
-            {"file": str(facts.path), "points": facts.n_points, "sha256": hash_file(facts.path)}
-            for facts in read.files
+            {**input_record(facts.path, hashes[facts.path]), "points": facts.n_points} for facts in read.files
         ],
         "counts": {
             "points_used": len(read.points),

@@ -17,6 +17,7 @@ import typer
 
 from linework.cli.options import (
     AllowOutside,
+    AllowRemote,
     AsJson,
     Crs,
     Quiet,
@@ -52,6 +53,7 @@ def serve(
     ] = "",
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     trajectory: TrajectoryFile = None,
     work: WorkFolder = None,
     config: RunFile = None,
@@ -102,7 +104,7 @@ def serve(
             say(f"error: a bug in linework. Please report it with the log {save_log(error)}.", to_stderr=True)
 
         order = SurveyOrder(
-            tuple(surveys), crs=crs, allow_outside=allow_outside, trajectory=trajectory, work=work,
+            tuple(surveys), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, trajectory=trajectory, work=work,
             settings=settings, n_threads=usable_cores(),
         )  # fmt: skip
         serving = RunningServer(

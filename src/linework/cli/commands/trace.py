@@ -11,6 +11,7 @@ import typer
 from linework.cli.failures import warn
 from linework.cli.options import (
     AllowOutside,
+    AllowRemote,
     AsJson,
     Crs,
     LinesOutput,
@@ -102,6 +103,7 @@ def trace_command(
     set_values: SetValues = None,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -122,7 +124,7 @@ def trace_command(
     _check_pick(at, image, at_px, toward, config, explain=explain, method=method, published=published)
     if image is not None:
         _trace_image(
-            surveys, image, at_px, output, feature=feature, crs=crs, allow_outside=allow_outside, work=work,
+            surveys, image, at_px, output, feature=feature, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work,
             append=append, overwrite=overwrite, as_json=as_json, quiet=quiet,
         )  # fmt: skip
         return
@@ -146,7 +148,7 @@ def trace_command(
         check_pick_kind(feature)
         settings = read_settings(config, [*(set_values or ()), *(f"obb_2023.{one}" for one in published)])
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         folder = work_folder(survey.root, work)
         if method == "auto":
             to_compile = kinds_to_compile(feature, in_image=False)
@@ -224,7 +226,7 @@ def _check_pick(
 
 
 def _trace_image(
-    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str | None, allow_outside: bool,
+    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str | None, allow_outside: bool, allow_remote: bool,
     work: Path | None, append: bool, overwrite: bool, as_json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Trace the edge at a pixel of an image and write it."""
@@ -244,7 +246,10 @@ def _trace_image(
 
         check_format(output)
         col, row = pixel_of(at_px).tolist()
-        survey, steps = open_survey(surveys, crs=crs, allow_outside=allow_outside), RunSteps(display)
+        survey, steps = (
+            open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote),
+            RunSteps(display),
+        )
         folder = work_folder(survey.root, work)
         recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
         found = traced_edge(recordings, image, (col, row), kind=feature, steps=steps)

@@ -80,6 +80,8 @@ def read_laz_table(
     record_bytes: int,
     n_points: int,
     points_end: int,
+    *,
+    walks: bool = True,
 ) -> LazTable:
     """Read and check the laszip record and the chunk table.
 
@@ -89,6 +91,8 @@ def read_laz_table(
         (user id, record id, data) of the variable length records.
     points_end
         Byte where the points and their chunk table end: the file's end, or where other records follow.
+    walks
+        Compare the table with the chunks themselves, which lie all over the file: before they are decoded.
 
     Raises
     ------
@@ -114,6 +118,8 @@ def read_laz_table(
         raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
     at = _table_offset(path, file, point_offset, n_points)
     listed = _listed_chunks(file, data, point_offset, at)
+    if compressor == _LAYERED and not walks:
+        return LazTable(data, chunk_size, at, bool(listed))
     if compressor == _LAYERED:
         walked = _walked_chunks(path, file, data, point_offset, at, record_bytes)
         table = LazTable(data, chunk_size, at, _agree(path, listed, walked, chunk_size))

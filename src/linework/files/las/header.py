@@ -26,6 +26,7 @@ from linework.files.clouds.table import CLOUD_SUFFIXES, CloudTable
 from linework.files.input import open_input
 from linework.files.las.chunks import LazTable, read_laz_table, refuse_unfinished
 from linework.files.las.columns import LasColumn, columns_of_las
+from linework.files.remote.address import is_remote
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
@@ -91,13 +92,15 @@ def read_las_header(path: Path) -> LasHeader:
     ------
     InputError
         Not a regular LAS file, cut off, or a header that cannot be true; with the numbers.
+    MachineError
+        The file is at an address, and its server cannot be reached or fails.
     """
     if path.suffix.lower() == ".e57":
         return _e57_header(path)
     if path.suffix.lower() in CLOUD_SUFFIXES:
         return _cloud_header(path)
     with open_input(path) as file:
-        return _Reader(path, file, os.fstat(file.fileno()).st_size).header()
+        return _Reader(path, file, file.seek(0, os.SEEK_END)).header()
 
 
 def _cloud_header(path: Path) -> LasHeader:
@@ -157,7 +160,10 @@ class _Reader:
         low, high = self._box(struct.unpack_from("<6d", head, 179))
         laz = None
         if is_laz:
-            laz = read_laz_table(self.path, self.file, records, point_offset, record_bytes, n_points, end)
+            laz = read_laz_table(
+                self.path, self.file, records, point_offset, record_bytes, n_points, end,
+                walks=not is_remote(self.path),
+            )  # fmt: skip
             self.warnings += laz.warnings
         else:
             self._check_length(n_points, point_offset, record_bytes, end)
@@ -170,6 +176,7 @@ class _Reader:
 
     def _head(self) -> tuple[bytes, tuple[int, int]]:
         """Return up to the bytes of the longest header, and the version."""
+        self.file.seek(0)
         head = self.file.read(max(_HEADER_BYTES.values()))
         if head[:4] != b"LASF":
             raise self._error("not a LAS/LAZ file (it does not begin with LASF)", "check what this file is")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +18,9 @@ from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.repeats import repeated_elsewhere, repeats_message, sample_bits
 from linework.files.las.tally import DAY_S, NO_RETURN, NOISE_CLASS, WITHHELD, TimeCounts, TimeKind
 from linework.files.output.record import hash_file
+from linework.files.remote.address import is_remote
+from linework.files.remote.copies import RemoteCopies
+from linework.files.remote.reader import remote_state
 from linework.files.store.extent import refuse_degrees, stray_limits
 from linework.files.store.facts import FileFacts, StoreFacts, facts_document, facts_of_store
 from linework.files.store.layout import POINTS_SUFFIX, STORE_STEPS_PER_M, RunTable
@@ -68,9 +72,11 @@ def build_store(
     with Decoder(n_threads, limits or DecoderLimits()) as decoder:
         planned, account = plan_files(survey)
         lacking = _files_without(planned, survey.carry)
-        carry = sorted({*survey.carry, *_laser_columns(decoder, planned)})
+        advance = _Advance(planned, progress)
+        copies = RemoteCopies(folder, advance.fetched)
+        carry = sorted({*survey.carry, *_laser_columns(decoder, planned, copies)})
         check_free_space(folder, sum(file.header.n_points for file in planned), len(carry))
-        decoded = _decode_all(decoder, planned, account, folder, survey, carry, progress)
+        decoded = _decode_all(decoder, planned, account, copies, folder, survey, carry, advance)
     if not decoded:
         first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
         raise first or account.empty or InputError("no points", where=survey.root)
@@ -88,47 +94,66 @@ def _decode_all(
     decoder: Decoder,
     planned: Sequence[PlannedFile],
     account: StoreBuildAccount,
+    copies: RemoteCopies,
     folder: Path,
     survey: Survey,
     carry: Sequence[str],
-    progress: Callable[[int, int], None] | None,
+    advance: _Advance,
 ) -> list[tuple[PlannedFile, Decoded]]:
     """Decode the files one after the other; failures go into the account and leave no file."""
     n_promised = sum(file.header.n_points for file in planned)
     decoded: dict[int, Decoded] = {}
 
-    def decode(number: int, n_before: int, *, continues_week: bool = False) -> None:
+    def decode(number: int, *, continues_week: bool = False) -> None:
         file, target = planned[number], folder / f"{number}{POINTS_SUFFIX}"
 
-        def report(n_read: int) -> None:
-            if progress is not None:
-                progress(n_before + n_read, n_promised)
-
-        task = DecodeTask(
-            path=file.path, target=target, factors=file.crs.factors, carry=tuple(carry),
-            sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
-            batch_points=decoder.batch_points, keeps_noise=keeps_noise(survey), continues_week=continues_week,
-        )  # fmt: skip
         try:
-            decoded[number] = decoder.decode(task, report)
+            task = DecodeTask(
+                path=copies.local(file.path), target=target, factors=file.crs.factors, carry=tuple(carry),
+                sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
+                batch_points=decoder.batch_points, keeps_noise=keeps_noise(survey), continues_week=continues_week,
+            )  # fmt: skip
+            decoded[number] = decoder.decode(task, functools.partial(advance.decoded, file.path))
             _check_result(file, decoded[number])
         except InputError as error:
+            # Of a remote file the decoder knows the copy
+            error.where = file.path
             account.failures[file.path] = error
             decoded.pop(number, None)
             target.unlink(missing_ok=True)
         except BaseException:
             target.unlink(missing_ok=True)
             raise
+        finally:
+            copies.drop(file.path)
 
-    n_before = 0
-    for number, file in enumerate(planned):
-        decode(number, n_before)
-        n_before += file.header.n_points
+    for number in range(len(planned)):
+        decode(number)
     # The times of all files are known by now
     for number in _after_the_week(decoded):
         (folder / f"{number}{POINTS_SUFFIX}").unlink()
-        decode(number, n_promised - planned[number].header.n_points, continues_week=True)
+        decode(number, continues_week=True)
     return [(planned[number], result) for number, result in decoded.items()]
+
+
+class _Advance:
+    """Points done of all; those of a remote file count half once they are fetched, half once they are decoded."""
+
+    def __init__(self, planned: Sequence[PlannedFile], progress: Callable[[int, int], None] | None) -> None:
+        counts = [file.header.n_points for file in planned]
+        self._counts = {file.path: count for file, count in zip(planned, counts, strict=True)}
+        self._before = {file.path: sum(counts[:number]) for number, file in enumerate(planned)}
+        self._n_points, self._progress = sum(counts), progress
+
+    def fetched(self, path: Path, share: float) -> None:
+        self._show(path, 0.5 * share * self._counts[path])
+
+    def decoded(self, path: Path, n_points: int) -> None:
+        self._show(path, 0.5 * (self._counts[path] + n_points) if is_remote(path) else n_points)
+
+    def _show(self, path: Path, n_points: float) -> None:
+        if self._progress is not None:
+            self._progress(self._before[path] + int(n_points), self._n_points)
 
 
 def _after_the_week(decoded: Mapping[int, Decoded]) -> list[int]:
@@ -165,12 +190,16 @@ def _files_without(planned: Sequence[PlannedFile], carry: Sequence[str]) -> dict
     return found
 
 
-def _laser_columns(decoder: Decoder, planned: Sequence[PlannedFile]) -> list[str]:
+def _laser_columns(decoder: Decoder, planned: Sequence[PlannedFile], copies: RemoteCopies) -> list[str]:
     """Return the column that has the laser of a spinning scanner, if all files have one; by the first file's points."""
     there = [name for name in (*BEAM_COLUMNS, USER_DATA) if all(name in f.header.columns for f in planned)]
     if not planned or not there or not all(file.header.has_time for file in planned):
         return []
-    laser = decoder.laser_column(planned[0].path, there)
+    try:
+        first = copies.local(planned[0].path)
+    except InputError:  # reported when its points are read
+        return []
+    laser = decoder.laser_column(first, there)
     return [laser] if laser else []
 
 
@@ -359,6 +388,10 @@ def plan_files(survey: Survey) -> tuple[list[PlannedFile], StoreBuildAccount]:
         try:
             state = state_of(path)
             header = read_las_header(path)
+            if is_remote(path) and not remote_state(path).tag:
+                account.warnings[path].append(
+                    "its server sends neither ETag nor date: a change that keeps its length goes unnoticed"
+                )
         except InputError as error:
             account.failures[path] = error
             continue
@@ -379,7 +412,11 @@ def state_of(path: Path) -> tuple[int, int, int]:
     ------
     InputError
         It no longer exists.
+    MachineError
+        It is at an address, and its server cannot be reached or fails.
     """
+    if is_remote(path):
+        return remote_state(path).numbers
     try:
         status = path.stat()
     except OSError as error:

@@ -16,6 +16,7 @@ from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
 from linework.files.output.inputs import note_inputs
 from linework.files.outside import check_files_inside, check_names_inside
+from linework.files.remote.address import check_address, is_remote, remote_names
 from linework.files.survey.kitti import read_kitti_folder
 from linework.files.survey.own_files import files_of_survey
 from linework.model.survey import Survey
@@ -39,6 +40,7 @@ def open_survey(
     crs: str | int | pyproj.CRS | None = None,
     carry: str | Iterable[str] = (),
     allow_outside: bool = False,
+    allow_remote: bool = False,
 ) -> Survey:
     """Find the files and metadata of a survey; headers are read, points are not.
 
@@ -46,7 +48,8 @@ def open_survey(
     ----------
     src
         A .las, .laz, .copc.laz, .ply, .pcd or .e57 file, a folder of them (of laser files only, if there are any), a pattern such as ``"points/*.laz"``, or several of these;
-        one folder with a survey.toml, or that file; one KITTI raw drive or odometry sequence.
+        one folder with a survey.toml, or that file; one KITTI raw drive or odometry sequence. A LAS or LAZ file may be
+        at an address: ``"https://..."``, ``"http://..."`` or ``"s3://bucket/name"``.
     crs
         CRS where the files do not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local".
     carry
@@ -55,6 +58,8 @@ def open_survey(
         scanner_channel, scan_direction_flag, edge_of_flight_line, red, green, blue.
     allow_outside
         Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
+    allow_remote
+        Whether a survey.toml may name points at addresses.
 
     Returns
     -------
@@ -69,7 +74,11 @@ def open_survey(
     CrsError
         No CRS, one in degrees, or several.
     ConfigError
-        An unknown key, a wrong value, or a file outside the folder in the survey.toml.
+        An unknown key, a wrong value, a file outside the folder or an address in the survey.toml.
+    MissingPackageError
+        Points are at an address, and the extra that reads them is not installed.
+    MachineError
+        The server of an address cannot be reached, or fails.
     UsageError
         A file of the survey is an output that is being written.
     """
@@ -77,7 +86,8 @@ def open_survey(
     inputs = survey_paths(src)
     given_text = None if crs is None else crs_text(crs)
     found = _survey_file_of(inputs)
-    kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
+    is_folder = found is None and len(inputs) == 1 and not is_remote(inputs[0])
+    kitti = read_kitti_folder(inputs[0]) if is_folder else None
     warnings = kitti.warnings if kitti else ()
     if found is not None:
         from linework.files.survey.toml import read_survey_file
@@ -85,14 +95,17 @@ def open_survey(
         settings, root = read_survey_file(found), found.parent
         if not allow_outside:
             check_names_inside(settings, found)
-        files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
+        patterns = settings.get("points", {}).get("files", [])
+        remote = remote_names(patterns, found, allow_remote=allow_remote)
+        files = _each_once(_matching(root, [p for p in patterns if not is_remote(Path(p))], found))
         if not allow_outside:
             check_files_inside(files, "points.files", found)
+        files = _each_once([*files, *remote])
     elif kitti is not None:
         settings, root, files = {"crs": given_text or LOCAL, **kitti.settings}, inputs[0], ()
     else:
         settings = {}
-        root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
+        root = root_of(inputs)
         files = _each_once([file for path in inputs for file in _files_of(path)])
         warnings = tuple(text for path in inputs if path.is_dir() for text in _left_below(path))
     given, given_by = _given_crs(given_text, settings.get("crs"), found)
@@ -164,9 +177,15 @@ def survey_paths(src: SurveyPaths) -> list[Path]:
     return [matched for path in paths for matched in _matches(path)]
 
 
+def root_of(inputs: Sequence[Path]) -> Path:
+    """Return the folder of a survey: the first one named, or that of the first file here; the present one without."""
+    here = next((path for path in inputs if not is_remote(path)), Path())
+    return here if here.is_dir() else here.parent
+
+
 def _matches(path: Path) -> list[Path]:
     """Return the laser files that a pattern matches, or else the folders; any other path as it is."""
-    if not set("*?[").intersection(str(path)) or os.path.lexists(path):
+    if is_remote(path) or not set("*?[").intersection(str(path)) or os.path.lexists(path):
         return [path]
     matched = [found for found in _found(Path(), str(path)) if not found.name.startswith(".")]
     files = [found for found in matched if found.suffix.lower() in _SUFFIXES and not found.is_dir()]
@@ -186,8 +205,10 @@ def _found(root: Path, pattern: str) -> list[Path]:
 
 
 def _check_local(path: Path) -> None:
-    """Refuse addresses and GDAL's virtual paths: only files on this machine are read."""
-    if is_address(path):
+    """Refuse what is neither a file on this machine nor an address that points are read from."""
+    if is_remote(path):
+        check_address(path)
+    elif is_address(path):
         raise InputError("is not a file on this machine", where=path, advice="copy it here first")
 
 
@@ -203,6 +224,8 @@ def _survey_file_of(inputs: Sequence[Path]) -> Path | None:
 
 def _files_of(path: Path) -> list[Path]:
     """Return the laser files of an input: itself, or those of a folder."""
+    if is_remote(path):
+        return [path]
     if path.is_dir():
         # Hidden files are left by other systems beside a file (._a.laz), or are being written
         files = sorted(

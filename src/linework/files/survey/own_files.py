@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from linework.files.output.inputs import InputFiles
+from linework.files.remote.address import is_remote
 from linework.model.survey import Survey
 
 #: Exact lines of a simulated survey; its survey.toml does not name them, because no method may read them.
@@ -28,9 +29,10 @@ def files_of_survey(survey: Survey) -> InputFiles:
     own = [survey.trajectory_file] if survey.trajectory_file else []
     truth = [root / name for name in _TRUTH] if described else []
     images = list(_images(settings))
+    here = [path for path in survey.point_files if not is_remote(path)]
     return InputFiles(
-        name=root if described or len(survey.point_files) != 1 else survey.point_files[0],
-        files=(*described, *survey.point_files, *own, *named, *truth),
+        name=root if described or len(here) != 1 else here[0],
+        files=(*described, *here, *own, *named, *truth),
         root=root,
         patterns=tuple(name for name in images if not _is_list(name)),
         lists=tuple(root / name for name in images if _is_list(name)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +17,8 @@ from linework.files.images.series import open_stereo
 from linework.files.images.single import no_pairs_message, open_single_cameras
 from linework.files.logs.keys import read_events
 from linework.files.logs.sensors import read_navigation_logs
+from linework.files.remote.address import address_text
+from linework.files.store.build import PlannedFile, plan_files
 from linework.files.store.facts import FileFacts, StoreFacts
 from linework.files.trajectories.of_survey import VanPath, read_van_path, single_on_clock_of
 from linework.imaging.rectify import rectifier_of
@@ -43,7 +45,7 @@ def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, An
     Parameters
     ----------
     read
-        Its points and its trajectory; None if it has no points.
+        Its points and its trajectory; None if it has no points, or to say only what their headers do.
 
     Raises
     ------
@@ -51,14 +53,15 @@ def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, An
         Nothing in it can be used.
     """
     van = describe_van(survey, with_path=read is None)
-    if read is None and van.cameras is None and not van.single and not van.logs and van.trajectory is None:
+    has_points = bool(survey.point_files)
+    if not has_points and van.cameras is None and not van.single and not van.logs and van.trajectory is None:
         problem = van.failures[0]["problem"].rstrip(".") if van.failures else "holds nothing that can be used"
         raise InputError(problem, where=survey.name, advice="see the manual for what a survey is made of")
     path = van.trajectory if read is None else read.trajectory
     document = {
         "name": survey.name,
         "crs": {"name": describe_crs(survey.crs), "compound": has_height(survey.crs), "wkt": survey.crs},
-        **(_NO_POINTS if read is None else _points(read)),
+        **(_points(read) if read is not None else _headers(survey) if survey.point_files else _NO_POINTS),
         "trajectory": None if path is None else _path(path),
         "cameras": van.cameras,
         "single_cameras": van.single,
@@ -89,8 +92,51 @@ def _points(read: SurveyInMemory) -> dict[str, Any]:
         "time": _times(points, read.points.facts),
         "scan_line_spacing_m": spacing,
         "warnings": [*read.warnings, *([why_not] if why_not and trajectory is not None else [])],
-        "failures": [{"file": str(path), "problem": problem} for path, problem in read.points.failures],
+        "failures": [
+            {"file": address_text(path), "problem": problem} for path, problem in read.points.failures
+        ],
     }
+
+
+def _headers(survey: Survey) -> dict[str, Any]:
+    """Return what the headers of the point files say; all else would take every byte of them."""
+    planned, account = plan_files(survey)
+    if not planned:
+        raise next(
+            iter(account.failures.values()), account.empty or InputError("no points", where=survey.name)
+        )
+    warnings = [f"{path.name}: {text}" for path, texts in account.warnings.items() for text in texts]
+    files = []
+    for path, header in ((file.path, file.header) for file in planned):
+        warnings += [f"{path.name}: {text}" for text in header.warnings]
+        files.append(
+            {
+                "file": address_text(path), "version": header.version_text, "point_format": header.point_format,
+                "points": header.n_points, "used": None, "rejected": {}, "columns": list(header.columns),
+            }
+        )  # fmt: skip
+    return _NO_POINTS | {
+        "files": files,
+        "points": sum(file.header.n_points for file in planned),
+        "extent_m": _stated_extent(planned),
+        "warnings": warnings,
+        "failures": [
+            {"file": address_text(path), "problem": str(error)} for path, error in account.failures.items()
+        ],
+    }
+
+
+def _stated_extent(planned: Sequence[PlannedFile]) -> dict[str, float] | None:
+    """Return the extent of all files by their headers [m]; None where one states none."""
+    boxes = []
+    for file in planned:
+        low, high = file.header.low, file.header.high
+        if low is None or high is None:
+            return None
+        boxes.append(np.array([*low[:2], *high[:2]]) * file.crs.factors[0])
+    west, south = np.min(boxes, axis=0)[:2]
+    east, north = np.max(boxes, axis=0)[2:]
+    return {"west": float(west), "south": float(south), "east": float(east), "north": float(north)}
 
 
 def densities_per_m2(points: Points) -> FloatArray:
@@ -110,7 +156,7 @@ def densities_per_m2(points: Points) -> FloatArray:
 
 def _file(facts: FileFacts) -> dict[str, Any]:
     return {
-        "file": str(facts.path),
+        "file": address_text(facts.path),
         "version": facts.version,
         "point_format": facts.point_format,
         "points": facts.n_promised,

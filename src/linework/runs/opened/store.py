@@ -20,6 +20,8 @@ from linework.files.las.header import read_las_header
 from linework.files.output.locks import hold_lock
 from linework.files.output.record import hash_file
 from linework.files.output.replace import replacing_folder
+from linework.files.remote.address import address_text, is_remote
+from linework.files.remote.reader import remote_state
 from linework.files.store.build import build_store, keeps_noise
 from linework.files.store.facts import StoreFacts, facts_of_store
 from linework.files.store.from_points import store_points
@@ -46,7 +48,7 @@ class HeldStore:
     key
         Hash of the content of all point files, or of the points, and of what they were read with.
     hashes
-        SHA-256 of every point file that can be read.
+        SHA-256 of every point file that can be read; of a remote one, its length and ETag.
     """
 
     points: PointStore
@@ -153,7 +155,10 @@ def promised_points(survey: Survey) -> int:
 
 def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
     """Return a hash of what is read (files and further columns), and one of its content and CRS."""
-    names = [os.fsdecode(os.fsencode(path.absolute())) for path in survey.point_files]
+    names = [
+        address_text(path) if is_remote(path) else os.fsdecode(os.fsencode(path.absolute()))
+        for path in survey.point_files
+    ]
     content = [
         source_hash("files", "kernels"),
         survey.crs,
@@ -182,9 +187,13 @@ def _short_hashes(names: list[str], content: list[Any]) -> tuple[str, str]:
 
 
 def _hashes(paths: tuple[Path, ...], n_threads: int) -> dict[Path, str]:
-    """Return the hashes; files that cannot be read are reported when their points are read."""
+    """Return the hashes, or the states of remote files; what cannot be read is reported when its points are read."""
 
     def hashed(path: Path) -> str | None:
+        if is_remote(path):
+            with contextlib.suppress(InputError):
+                return remote_state(path).text
+            return None
         with contextlib.suppress(InputError, OSError):
             return hash_file(path)
         return None
@@ -197,6 +206,7 @@ def _states(survey: Survey) -> dict[Path, tuple[int, ...]]:
     """Return device, inode, size and time of each file, by which a change is noticed."""
     found: dict[Path, tuple[int, ...]] = {}
     for path in survey.point_files:
+        # A remote file is fetched in one state
         with contextlib.suppress(OSError):
             status = path.stat()
             found[path] = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)

@@ -22,6 +22,7 @@ from pathlib import Path
 from linework.errors import InputError, MachineError, OutputExistsError, argument
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
+from linework.files.survey.open import root_of
 from linework.runs.opened.made import (
     FOLDERS,
     LIST,
@@ -64,8 +65,8 @@ def work_folder(root: Path, given: Path | None = None) -> Path:
 
 
 def survey_root(inputs: Sequence[Path]) -> Path:
-    """Return the folder of a survey: the one that was named, or the one of the first file."""
-    return inputs[0] if inputs[0].is_dir() else inputs[0].parent
+    """Return the folder of a survey: the one that was named, or the one of the first file on this machine."""
+    return root_of(inputs)
 
 
 def existing_work_folders(root: Path, given: Path | None = None) -> list[Path]:

@@ -33,6 +33,8 @@ class SurveyOrder:
         CRS of files that do not state theirs; None if not given.
     allow_outside
         Whether its survey.toml may name files outside its folder.
+    allow_remote
+        Whether its survey.toml may name points at addresses.
     trajectory
         Trajectory that replaces the survey's own; None: its own.
     work
@@ -46,6 +48,7 @@ class SurveyOrder:
     inputs: tuple[Path, ...]
     crs: str | None = None
     allow_outside: bool = False
+    allow_remote: bool = False
     trajectory: Path | None = None
     work: Path | None = None
     settings: RunSettings = field(default_factory=RunSettings)
@@ -121,5 +124,7 @@ class SurveySession:
 
 
 def _opened(order: SurveyOrder) -> Survey:
-    survey = open_survey(list(order.inputs), crs=order.crs, allow_outside=order.allow_outside)
+    survey = open_survey(
+        list(order.inputs), crs=order.crs, allow_outside=order.allow_outside, allow_remote=order.allow_remote
+    )
     return survey if order.trajectory is None else survey.with_trajectory(order.trajectory)

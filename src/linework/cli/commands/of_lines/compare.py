@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, WorkFolder
+from linework.cli.options import AllowOutside, AllowRemote, Crs, Overwrite, Quiet, WorkFolder
 from linework.cli.said import say
 
 
@@ -41,6 +41,7 @@ def compare_command(
     overwrite: Overwrite = False,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     quiet: Quiet = False,
 ) -> None:
@@ -86,7 +87,7 @@ def compare_command(
         paint, known_m = None, 0.0
         if old_survey and new_survey:
             paint, known_m = paint_of_both(
-                (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside,
+                (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
                 work=work, quiet=quiet,
             )  # fmt: skip
         changes, registration = compare_epochs(before[0], after[0], paint)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def paint_of_both(
     old: tuple[Path, LineSet, list[Path]], new: tuple[Path, LineSet, list[Path]], *, crs: str | None,
-    allow_outside: bool, work: Path | None, quiet: bool,
+    allow_outside: bool, allow_remote: bool, work: Path | None, quiet: bool,
 ) -> tuple[tuple[PaintPieces, PaintPieces], float]:  # fmt: skip
     """Return what the points of two surveys show on their markings, and how much of it can be compared at most [m].
 
@@ -42,6 +42,7 @@ def paint_of_both(
             ("old_survey", "new_survey"),
             crs=crs,
             allow_outside=allow_outside,
+            allow_remote=allow_remote,
             work=work,
             quiet=quiet,
         )
@@ -63,6 +64,7 @@ def paint_of_survey(
     *,
     crs: str | None,
     allow_outside: bool,
+    allow_remote: bool,
     work: Path | None,
     quiet: bool,
 ) -> PaintPieces:
@@ -97,7 +99,7 @@ def paint_of_survey(
 
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(open_display(quiet=quiet)))
-        survey = open_survey(paths, crs=crs, allow_outside=allow_outside)
+        survey = open_survey(paths, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
         if lines.crs != survey.crs and not same_plan(survey.crs, lines.crs):
             raise InputError(
                 f"is in {describe_crs(survey.crs)}, the lines in {describe_crs(lines.crs)}", where=paths[0],

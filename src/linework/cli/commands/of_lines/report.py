@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, WorkFolder
+from linework.cli.options import AllowOutside, AllowRemote, Crs, Overwrite, Quiet, WorkFolder
 from linework.cli.said import say
 
 
@@ -42,6 +42,7 @@ def report_command(
     overwrite: Overwrite = False,
     crs: Crs = None,
     allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
     work: WorkFolder = None,
     quiet: Quiet = False,
 ) -> None:
@@ -91,7 +92,14 @@ def report_command(
             named = "the lines themselves: " + ", ".join(axis.name for axis in axes)
         paint = (
             paint_of_survey(
-                found, survey, ("survey",), crs=crs, allow_outside=allow_outside, work=work, quiet=quiet
+                found,
+                survey,
+                ("survey",),
+                crs=crs,
+                allow_outside=allow_outside,
+                allow_remote=allow_remote,
+                work=work,
+                quiet=quiet,
             )
             if survey
             else None

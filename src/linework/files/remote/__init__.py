@@ -1,0 +1,1 @@
+"""Points at an address: over HTTP and in object storage, read by ranges."""
