@@ -25,7 +25,7 @@ from linework.evaluation.match import TIE_M, PieceMatch, distance_to, match_chai
 from linework.evaluation.stations import Stations, measure_stations
 from linework.evaluation.tolerance import DASH_END_M, KindMatch, at_tolerance
 from linework.evaluation.values import KindScores, Scores
-from linework.model.lines import KINDS, LineSet
+from linework.model.lines import KINDS, POLE, LineSet
 
 #: Further tolerances at which scores are computed by default (docs/evaluation.md). [m]
 _CURVE_M = (0.05, 0.10, 0.20, 0.50)
@@ -186,7 +186,7 @@ def match_kind(extracted: LineSet, reference: LineSet, kind: str, reach_m: float
     both = np.concatenate([extracted.xyz, reference.xyz])
     # Close to the lines, so that differences of squares stay exact to micrometres in float64
     origin = np.floor(both.min(axis=0)) if len(both) and np.isfinite(both).all() else np.zeros(3)
-    n_dims = 3 if kind == "cable" else 2
+    n_dims = 3 if kind in ("cable", POLE) else 2
     e, r = (Chains.of(lines.take(lines.kind == kind), origin, n_dims) for lines in (extracted, reference))
     return KindMatch(
         kind, match_chains(e, r, reach_m), measure_stations(e, r, reach_m), average_precision(e, r)

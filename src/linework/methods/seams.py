@@ -10,10 +10,10 @@ import numpy as np
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.lines.names import midpoints
 from linework.model.grid import Bounds
-from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lines import LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 
 #: Kinds that are never cut: a span of wire is shorter than any buffer, and belongs to the core that holds its middle.
-UNCUT_AT_SEAMS = ("cable",)
+UNCUT_AT_SEAMS = ("cable", POLE)
 #: Least length of a line that ends at a seam without a continuation: shorter pieces are rounding. [m]
 MIN_PIECE_M = 0.05
 #: Ends within this distance are joined in any direction: tiles with the same points cut a line at the same place, to

@@ -22,6 +22,8 @@ KINDS = (
     "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "guardrail",
     "barrier", "fence", "cable",
 )  # fmt: skip
+#: The kind of what stands at a place: in a `LineSet` a vertical line from its foot to its top, in files a point.
+POLE = "pole"
 
 #: Review decisions: right as it is, corrected, drawn by hand, or no such feature.
 REVIEWS = ("accepted", "edited", "drawn", "rejected")
@@ -59,6 +61,10 @@ class LineSet(ForOtherLibraries):
         (m,) bool: one of a pair of lines.
     width_m, height_m, clearance_m
         (m,) float64 [m]; NaN where it does not apply.
+    network, span, circuit
+        (m,) str, of cables and poles; "" where it does not apply. `network`: shared by all wires that hang together over
+        their poles; `circuit`: by the wires that run on from pole to pole side by side; `span`: by those between the same
+        two poles.
     disagreement_mean_m, disagreement_rms_m
         (m,) float64 [m]: mean and rms offset of another method's line of the same feature, positive to the left
         of this one's direction; NaN where only one method found it.
@@ -105,6 +111,9 @@ class LineSet(ForOtherLibraries):
     width_m: FloatArray = filled_column(np.float64, np.nan)
     height_m: FloatArray = filled_column(np.float64, np.nan)
     clearance_m: FloatArray = filled_column(np.float64, np.nan)
+    network: AnyArray = filled_column(np.str_, "")
+    span: AnyArray = filled_column(np.str_, "")
+    circuit: AnyArray = filled_column(np.str_, "")
     disagreement_mean_m: FloatArray = filled_column(np.float64, np.nan)
     disagreement_rms_m: FloatArray = filled_column(np.float64, np.nan)
     confidence: FloatArray = filled_column(np.float64, 1.0)
@@ -312,7 +321,7 @@ class LineSet(ForOtherLibraries):
 
     @property
     def length_m(self) -> FloatArray:
-        """(m,) float64 [m]: length of each line, in space for cables, in plan for all else."""
+        """(m,) float64 [m]: length of each line, in space for cables and poles, in plan for all else."""
         return self._sum_segments(np.ones(max(len(self.xyz) - 1, 0), dtype=bool))
 
     @property
@@ -325,7 +334,7 @@ class LineSet(ForOtherLibraries):
             return np.zeros(len(self))
         owner = self.line_of_vertex
         step = np.diff(self.xyz, axis=0)
-        in_space = (self.kind == "cable")[owner[:-1]]
+        in_space = np.isin(self.kind, ("cable", POLE))[owner[:-1]]
         length = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2 + np.where(in_space, step[:, 2], 0.0) ** 2)
         inside = owner[:-1] == owner[1:]
         total = np.bincount(owner[:-1], weights=length * (inside & counted), minlength=len(self))

@@ -90,6 +90,7 @@ class RailPieces:
             return LineSet.empty()
         tile = TileData("trace", core, points, None, "", surface, self._origin)
         lines = self._method.look(tile)
+        lines = lines.take(np.isin(lines.kind, self._method.kinds))  # without poles
         # A line that is never cut belongs to the tile of its middle, where the place need not be: all are kept
         is_whole = np.isin(lines.kind, UNCUT_AT_SEAMS)
         return LineSet.concatenate([lines.take(is_whole), inside_core(lines.take(~is_whole), core)])

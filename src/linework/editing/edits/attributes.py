@@ -28,6 +28,9 @@ KINDS_WITH: Mapping[str, tuple[str, ...]] = {
     "width_m": _PAINT,
     "height_m": tuple(kind for kind in KINDS if kind not in _PAINT),
     "clearance_m": ("cable",),
+    "network": ("cable",),
+    "span": ("cable",),
+    "circuit": ("cable",),
 }
 
 

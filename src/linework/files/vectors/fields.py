@@ -14,12 +14,13 @@ from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, linear_parts
 from linework.model.lineset.shown import LOOKS, OTHER_LOOK
 
-#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods found a line,
+#: Fields in the order of the manual; clearance_m follows for cables, with HANGING where any is part of a network, DISAGREEMENT where two methods found a line,
 #: REVIEWED where a person reviewed one.
 FIELDS = (
     "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
     "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
 )  # fmt: skip
+HANGING = ("network", "span", "circuit")
 DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
 #: Fields of the review: written where any line has been reviewed.
 REVIEWED = ("review", "condition", "note")
@@ -44,12 +45,14 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
     compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
     reviewed = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *reviewed)}
+    hanging = HANGING if any((getattr(lines, name) != "").any() for name in HANGING) else ()
+    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *hanging, *compared, *reviewed)}
 
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the known fields (see `field_values`) that the layer of a kind has."""
-    return tuple(name for name in known if kind in ("cable", REJECTED_LAYER) or name != "clearance_m")
+    only_cables = () if kind in ("cable", REJECTED_LAYER) else ("clearance_m", *HANGING)
+    return tuple(name for name in known if name not in only_cables)
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from linework.methods.cables.follow import (
     follow_seed,
 )
 from linework.methods.cables.lines import confidence, lines_of_wires
+from linework.methods.cables.poles import find_poles
 from linework.methods.cables.seeds import find_cable_seeds
 from linework.methods.cables.spans import end_at_supports, join_pieces, without_mixtures, without_tails
 from linework.methods.radon.peaks import PeakFinder
@@ -138,7 +139,7 @@ def find_cables(
     Returns
     -------
     LineSet
-        Kind "cable", with sigmas, bridged stretches, clearance and confidence.
+        Kind "cable", with sigmas, bridged stretches, clearance and confidence; and kind "pole", what stands where they end.
 
     References
     ----------
@@ -168,7 +169,12 @@ def find_cables(
         if (n is None or n >= LEAST_CROSSINGS) and sure[i] >= LEAST_CONFIDENCE
     ]
     wires, sure = [wires[i] for i in kept], [sure[i] for i in kept]
-    return lines_of_wires(band, wires, sure, time_s, config.spacing_m)
+    lines = lines_of_wires(band, wires, sure, time_s, config.spacing_m)
+    # What stands where they end
+    of_wire = np.zeros(len(band.xyz), dtype=bool)
+    for wire in pieces:
+        of_wire[wire.members] = True
+    return LineSet.concatenate([lines, find_poles(band, lines, of_wire)])
 
 
 def _crossings(

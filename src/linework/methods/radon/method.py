@@ -16,6 +16,8 @@ import numpy as np
 from linework.imaging.raster import grid_for, in_height_band, rasterise
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
 from linework.methods.cables.lines import with_known_clearance
+from linework.methods.cables.networks import with_networks
+from linework.methods.cables.poles import without_repeats
 from linework.methods.protocol import (
     Recording,
     StepResult,
@@ -44,7 +46,7 @@ from linework.methods.rails.stretches import drawn_often, with_times
 from linework.methods.seams import across_seams, of_core
 from linework.model.grid import Image
 from linework.model.ground import Ground
-from linework.model.lines import LineSet
+from linework.model.lines import POLE, LineSet
 from linework.model.points import Points
 from linework.model.settings import Settings, group, setting
 from linework.model.tile import UNORDERED, TileData
@@ -185,8 +187,11 @@ class CableMethod:
         yield "cables", of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)
 
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
-        """Return the wires of a survey: each span was found whole, by one tile."""
-        return across_seams(found, survey.cores)
+        """Return the wires of a survey, each span found whole by one tile, followed from pole to pole."""
+        lines = across_seams(found, survey.cores)
+        is_pole = lines.kind == POLE
+        poles = without_repeats(lines.take(is_pole))
+        return with_networks(LineSet.concatenate([lines.take(~is_pole), poles]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +238,10 @@ class Radon:
         return LineSet.concatenate([method.look(piece) for method in self.parts])
 
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
-        """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
-        return across_seams(found, survey.cores)
+        """Return the lines of a survey: pieces of rails joined at the edges of cores, wires followed from pole to pole."""
+        is_rail = np.isin(found.kind, RAIL_KINDS)
+        rails, wires = RailMethod().join(found.take(is_rail), survey), CableMethod().join(found.take(~is_rail), survey)
+        return LineSet.concatenate([rails, wires])
 
     def steps(
         self, points: Points, trajectory: Trajectory | None = None, ground: Ground | None = None

@@ -188,7 +188,8 @@ def pole_line(
     n_spans = max(1, int(np.round((end_m - start_m) / uniform(rng, 32.0, 55.0))))
     at = np.linspace(start_m + 1.0, end_m - 1.0, n_spans + 1)
     places = [(float(s), q_m + uniform(rng, -0.3, 0.3)) for s in at]
-    poles = [Pole(s_m=s, q_m=q, height_m=height + 0.3, radius_m=0.12) for s, q in places]
+    name = f"along-{q_m:.3f}-{start_m:.3f}"
+    poles = [Pole(s_m=s, q_m=q, height_m=height + 0.3, radius_m=0.12, network=name) for s, q in places]
     fixings = _fixings(rng, height)
     if over_road:
         furthest = max(out for out, _ in fixings)
@@ -202,8 +203,11 @@ def pole_line(
             sag_m=sag * (b[0] - a[0]) * uniform(rng, 0.96, 1.04),
             wire_m=wire,
             seen_width_m=width,
+            network=name,
+            circuit=name,
+            span=f"{name}-{number}",
         )
-        for a, b in itertools.pairwise(places)
+        for number, (a, b) in enumerate(itertools.pairwise(places))
         for out, up in fixings
     ]
     return poles, cables
@@ -225,13 +229,15 @@ def crossing_wires(
     """Return a span of 2 or 3 wires across the road, askew."""
     askew = uniform(rng, -6.0, 6.0)
     a, b = (s_m - askew, q_left_m), (s_m + askew, q_right_m)
-    poles = [Pole(s_m=s, q_m=q, height_m=height_m + 0.3, radius_m=0.12) for s, q in (a, b)]
+    name = f"across-{s_m:.3f}"
+    poles = [Pole(s_m=s, q_m=q, height_m=height_m + 0.3, radius_m=0.12, network=name) for s, q in (a, b)]
     span = float(np.hypot(2.0 * askew, q_left_m - q_right_m))
     apart, sag = uniform(rng, 0.30, 0.60), span * uniform(rng, 0.010, 0.022)
     cables = [
-        Cable(start=(*a, height_m - i * apart), end=(*b, height_m - i * apart), sag_m=sag)
+        Cable(start=(*a, height_m - i * apart), end=(*b, height_m - i * apart), sag_m=sag,
+              network=name, circuit=name, span=name)
         for i in range(int(rng.integers(2, 4)))
-    ]
+    ]  # fmt: skip
     return poles, cables
 
 

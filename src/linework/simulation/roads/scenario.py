@@ -175,7 +175,7 @@ class Car:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pole:
-    """A pole, lamp post (`arm_m` > 0: an arm towards the road) or traffic sign."""
+    """A pole, lamp post (`arm_m` > 0: an arm towards the road) or traffic sign; `network`: of the wires on it, or ""."""
 
     s_m: float
     q_m: float
@@ -183,13 +183,15 @@ class Pole:
     radius_m: float
     arm_m: float = 0.0
     has_sign: bool = False
+    network: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cable:
     """One wire of one span between two fixings (chainage, offset, height over the ground there).
 
-    `seen_width_m` is the width over which a beam of a few centimetres still returns from the wire.
+    `seen_width_m` is the width over which a beam of a few centimetres still returns from the wire. Wires that hang together
+    share `network`, those that run on side by side `circuit`, those between the same poles `span`.
     """
 
     start: tuple[float, float, float]
@@ -197,6 +199,9 @@ class Cable:
     sag_m: float
     wire_m: float = 0.012
     seen_width_m: float = 0.035
+    network: str = ""
+    circuit: str = ""
+    span: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

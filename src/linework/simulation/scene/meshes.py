@@ -154,14 +154,16 @@ def boxes(
     return Mesh.of(vertices, triangles, material, target)
 
 
-def columns(feet: FloatArray, height_m: AnyArray | float, radius_m: float, material: Material) -> Mesh:
+def columns(
+    feet: FloatArray, height_m: AnyArray | float, radius_m: float, material: Material, target: int = -1
+) -> Mesh:
     """Return upright octagonal columns on (n, 3) feet."""
     turn = np.arange(8) * (np.pi / 4.0)
     ring = radius_m * np.stack([np.cos(turn), np.sin(turn), np.zeros(8)], axis=1)
     heights = np.broadcast_to(np.asarray(height_m, dtype=np.float64), (len(feet),))
     up = np.array([0.0, 0.0, 1.0])
     return joined_meshes(
-        prism(foot + ring, foot + ring + h * up, material) for foot, h in zip(feet, heights, strict=True)
+        prism(foot + ring, foot + ring + h * up, material, target) for foot, h in zip(feet, heights, strict=True)
     )
 
 

@@ -24,6 +24,9 @@ class TruthLine:
     width_m: float = float("nan")
     height_m: float = float("nan")
     clearance_m: float = float("nan")
+    network: str = ""
+    circuit: str = ""
+    span: str = ""
 
 
 @dataclass(frozen=True, slots=True)

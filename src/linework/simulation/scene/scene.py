@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.tracking.times import times_near
-from linework.model.lines import KINDS, LineSet
+from linework.model.lines import KINDS, POLE, LineSet
 from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.buildings import bridge, car, gantry, hedge, house, plant, wall
 from linework.simulation.scene.ground import boundary_truth, ground, island, marking_truth, symbol_truth
@@ -51,7 +51,7 @@ def _parts(scenario: Scenario) -> Iterator[Part]:
 # The exact lines of a simulated survey, and which of their vertices the scanners could measure
 
 #: A vertex is observed with at least (this many) hits within (this distance, m) of it. Paint: hits on the
-#: carriageway; boundaries: hits on the ground; all others: hits on that very beam, barrier face, fence, wire.
+#: carriageway; boundaries: hits on the ground; all others: hits on that very beam, barrier face, fence, wire, pole.
 OBSERVED: dict[str, tuple[int, float]] = {
     "lane_marking": (5, 0.30),
     "lane_marking_dash": (5, 0.30),
@@ -62,6 +62,7 @@ OBSERVED: dict[str, tuple[int, float]] = {
     "barrier": (5, 0.50),
     "fence": (5, 0.50),
     "cable": (1, 1.00),
+    POLE: (1, 1.00),
 }
 PAINT_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other")
 
@@ -84,7 +85,7 @@ def truth_lines(
     crs
         WKT2.
     """
-    order = sorted(range(len(scene.lines)), key=lambda i: KINDS.index(scene.lines[i].kind))
+    order = sorted(range(len(scene.lines)), key=lambda i: (*KINDS, POLE).index(scene.lines[i].kind))
     lines = [scene.lines[i] for i in order]
     xyz, triangle, time_s = hits
     observed = _observed(scene, xyz, triangle)
@@ -95,8 +96,9 @@ def truth_lines(
     start_s, end_s = times_near(xyz, time_s, vertices, owner, len(lines), TIMED_M)
     columns = {
         name: [getattr(line, name) for line in lines]
-        for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m")
-    }
+        for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m",
+                     "network", "circuit", "span")
+    }  # fmt: skip
     return LineSet.from_lines(
         [line.xyz + np.asarray(scenario.origin_m) for line in lines],
         crs=crs,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from linework.arrays import FloatArray
+from linework.model.lines import POLE
 from linework.simulation.roads.road import Road
 from linework.simulation.roads.scenario import Cable, Pole
 from linework.simulation.scene.materials import Material
@@ -50,16 +51,20 @@ def cable(road: Road, spec: Cable) -> Part:
     mesh = mesh.of_wire(np.repeat(np.arange(n), 8))
     xyz = catenary(a, b, spec.sag_m, np.linspace(0.0, 1.0, int(np.ceil(span / 0.5)) + 1))
     clearance = float(np.min(xyz[:, 2] - road.ground_height(*road.alignment.locate(xyz[:, :2]))))
-    line = TruthLine(kind="cable", xyz=xyz, width_m=spec.wire_m, clearance_m=clearance)
+    line = TruthLine(
+        kind="cable", xyz=xyz, width_m=spec.wire_m, clearance_m=clearance,
+        network=spec.network, circuit=spec.circuit, span=spec.span,
+    )  # fmt: skip
     return Part((mesh,), (line,), np.stack([nodes[:-1], nodes[1:]], axis=1), spec.wire_m)
 
 
 def pole(road: Road, spec: Pole) -> Part:
-    """Return a pole, with a lamp's arm or a sign where it has one."""
+    """Return a pole, with a lamp's arm or a sign where it has one; truth: the axis of one with wires, from foot to top."""
     foot = road.on_ground(spec.s_m, spec.q_m, -0.1)
     heading = float(road.alignment.heading(spec.s_m))
     inward = heading + (-np.pi / 2 if spec.q_m > 0 else np.pi / 2)
-    meshes = [columns(foot[None], spec.height_m + 0.1, spec.radius_m, Material.POLE)]
+    target = 0 if spec.network else -1
+    meshes = [columns(foot[None], spec.height_m + 0.1, spec.radius_m, Material.POLE, target)]
     top = foot + np.array([0.0, 0.0, spec.height_m])
     reach = np.array([np.cos(inward), np.sin(inward), 0.0])
     if spec.arm_m > 0.0:
@@ -74,4 +79,8 @@ def pole(road: Road, spec: Pole) -> Part:
             + (spec.radius_m + 0.02) * np.array([np.cos(heading), np.sin(heading), 0.0])
         )
         meshes.append(boxes(plate[None], np.array([heading]), (0.02, 0.6, 0.6), Material.SIGN))
-    return Part((joined_meshes(meshes),))
+    lines: tuple[TruthLine, ...] = ()
+    if spec.network:
+        axis = road.on_ground(spec.s_m, spec.q_m, 0.0) + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, spec.height_m]])
+        lines = (TruthLine(kind=POLE, xyz=axis, form="pole", height_m=spec.height_m, network=spec.network),)
+    return Part((joined_meshes(meshes),), lines)
