@@ -23,9 +23,10 @@ from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import open_input
 from linework.files.vectors.fields import DISAGREEMENT, HANGING, REVIEWED, field_values, vertex_columns
 from linework.files.vectors.gdal import foreign_lines
+from linework.files.vectors.pole_points import feature_shapes, is_point, upright
 from linework.files.vectors.gpkg import null_if_empty
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-from linework.model.lineset.geometries import column_values, geometries
+from linework.model.lineset.geometries import column_values
 
 with extra_needed("parquet"):
     import pyarrow
@@ -59,7 +60,7 @@ def write_geoparquet(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> N
     columns[_BBOX] = pyarrow.StructArray.from_arrays(
         [pyarrow.array(boxes[:, i]) for i in range(len(_SIDES))], names=list(_SIDES)
     )
-    shapes = shapely.to_wkb(geometries(lines)[order], flavor="iso")
+    shapes = shapely.to_wkb(feature_shapes(lines)[order], flavor="iso")
     columns[_GEOMETRY] = pyarrow.array(shapes.tolist(), type=pyarrow.binary())
     table = pyarrow.table(columns).replace_schema_metadata({"geo": json.dumps(_metadata(lines))})
     pyarrow.parquet.write_table(table, part, compression="zstd", row_group_size=_GROUP_ROWS, version="2.6")
@@ -100,7 +101,7 @@ def _spatial_order(lines: LineSet) -> IntArray:
 def _metadata(lines: LineSet) -> dict[str, Any]:
     column: dict[str, Any] = {
         "encoding": "WKB",
-        "geometry_types": ["LineString Z"] if len(lines) else [],
+        "geometry_types": _geometry_types(lines),
         # Without a CRS readers take degrees; null says that it is not known
         "crs": None if lines.crs == LOCAL else json.loads(pyproj.CRS.from_wkt(lines.crs).to_json()),
         "edges": "planar",
@@ -109,6 +110,11 @@ def _metadata(lines: LineSet) -> dict[str, Any]:
     if len(lines.xyz):
         column["bbox"] = [*lines.xyz.min(axis=0).tolist(), *lines.xyz.max(axis=0).tolist()]
     return {"version": "1.1.0", "primary_column": _GEOMETRY, "columns": {_GEOMETRY: column}}
+
+
+def _geometry_types(lines: LineSet) -> list[str]:
+    points = is_point(lines)
+    return (["LineString Z"] if not points.all() else []) + (["Point Z"] if points.any() else [])
 
 
 def verify_geoparquet(part: Path, lines: LineSet, path: Path) -> None:
@@ -154,6 +160,8 @@ def read_geoparquet(
     own_crs = _crs_of(column, crs, path)
     shapes = _shapes(table.column(name).to_pylist(), left_out)
     columns = {c: table.column(c).to_pylist() for c in table.column_names if c not in (name, _BBOX)}
+    nothing = [None] * len(shapes)
+    shapes = upright(shapes, columns.get("kind", nothing), columns.get("height_m", nothing))
     if kinds is None and kind_field == "kind" and not left_out:
         own = _own_lines(shapes, columns, own_crs)
         if own is not None:

@@ -32,7 +32,8 @@ from linework.files.maps.xml_text import (
 )
 from linework.files.vectors.fields import layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
-from linework.model.lines import LineSet
+from linework.files.vectors.pole_points import is_point
+from linework.model.lines import POLE, LineSet
 
 _NAMESPACE = "http://www.landxml.org/schema/LandXML-1.2"
 #: The schema requires a date; always the same one, so that the same lines give the same bytes.
@@ -76,6 +77,15 @@ def write_landxml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None
                     f"desc={xml_quoted(layers[i])}><PntList3D>{_points_text(lines[int(i)].xyz)}</PntList3D></Breakline>\n"
                 )
             file.write("</Breaklines></SourceData></Surface></Surfaces>\n")
+        poles = np.flatnonzero(is_point(lines))
+        if len(poles):
+            file.write(f"<CgPoints name={xml_quoted(POLE)}>\n")
+            for i in poles:
+                name = xml_quoted(lines.id[i] or f"line {i + 1}")
+                file.write(
+                    f"<CgPoint name={name} code={xml_quoted(POLE)}>{_points_text(lines[int(i)].xyz[:1])}</CgPoint>\n"
+                )
+            file.write("</CgPoints>\n")
         file.write("</LandXML>\n")
 
 

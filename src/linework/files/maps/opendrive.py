@@ -26,12 +26,12 @@ from linework.files.maps.opendrive_read import SECTION_END_M, read_opendrive
 from linework.files.maps.xml_text import field_texts, xml_quoted
 from linework.lines.lane_sections import LaneRoad, LaneSection, lane_roads
 from linework.lines.names import with_ids
-from linework.model.lines import LineSet
+from linework.model.lines import POLE, LineSet
 
 #: Types of objects by kind. A wire has no type of its own.
 _OBJECTS = {
     "guardrail": 'type="barrier" subtype="guardRail"', "barrier": 'type="barrier" subtype="jerseyBarrier"',
-    "fence": 'type="barrier" subtype="fence"', "cable": 'type="obstacle"',
+    "fence": 'type="barrier" subtype="fence"', "cable": 'type="obstacle"', POLE: 'type="pole"',
 }  # fmt: skip
 #: Farthest object from its road. [m]
 _REACH_M = 30.0
@@ -341,7 +341,7 @@ def opendrive_losses(lines: LineSet) -> tuple[str, ...]:
     there = _expected(lines)
     out = [str(lines.kind[i]) for i in range(len(lines)) if str(lines.id[i]) not in there]
     found = [f"{out.count(kind):,} lines of {kind or 'no kind'}" for kind in dict.fromkeys(out)]
-    whole_m = float(lines.length_m[np.isin(lines.id, list(there))].sum())
+    whole_m = float(lines.length_m[np.isin(lines.id, list(there)) & (lines.kind != POLE)].sum())
     there_m = sum(float(distance_along(piece)[-1]) for pieces in there.values() for piece in pieces)
     if whole_m - there_m >= 1.0:
         found.append(f"{whole_m - there_m:,.0f} m of other lines, which are beside no lane")

@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import FloatArray, distance_along
 from linework.model.columns import column_types
-from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lines import KINDS, LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 
 _SQL_TYPES = {np.str_: "text", np.float64: "double precision", np.bool_: "boolean"}
 #: Types of PostGIS's EWKB: LineString with Z, M and SRID, little endian.
@@ -56,7 +56,16 @@ def schema_statements(schema: str) -> list[str]:
         f"CREATE INDEX line_geom ON {schema}.line USING gist (geom)",
         f"CREATE INDEX line_kind ON {schema}.line (kind)",
         *views,
+        # In a set of lines a pole is upright from its foot to its top; here it is where it stands
+        f"CREATE VIEW {schema}.{POLE} AS SELECT survey, id, form, network, height_m, confidence, source, review, "
+        f"ST_StartPoint(geom) AS geom FROM {schema}.line WHERE kind = '{POLE}' AND review IS DISTINCT FROM 'rejected'",
     ]
+
+
+def added_columns(schema: str) -> list[str]:
+    """Return the statements that add columns that a table of an earlier version lacks."""
+    types = field_types()
+    return [f"ALTER TABLE {schema}.line ADD COLUMN IF NOT EXISTS {name} {types[name]}" for name in LINE_FIELDS]
 
 
 def rows_of_lines(lines: LineSet, survey: str, srid: int) -> Iterator[list[Any]]:

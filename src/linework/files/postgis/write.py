@@ -19,6 +19,7 @@ from linework.files.postgis.tables import (
     LINE_FIELDS,
     ROW_FIELDS,
     VERTEX_FIELDS,
+    added_columns,
     field_types,
     line_of_ewkb,
     rows_of_lines,
@@ -85,6 +86,9 @@ def publish_lines(lines: LineSet, address: DatabaseAddress, survey: str, *, sour
         )
         if connection.execute("SELECT to_regclass(%s)", (f"{address.schema}.line",)).fetchone() == (None,):
             for statement in schema_statements(address.schema):
+                connection.execute(statement)
+        else:
+            for statement in added_columns(address.schema):
                 connection.execute(statement)
         _enter_survey(connection, address, survey, lines.crs, srid)
         reviewed = published_lines(connection, address.schema, survey=survey, only_reviewed=True)

@@ -23,7 +23,8 @@ from linework.files.input import filled_file_bytes
 from linework.files.vectors.cad_codes import CadCode, codes_of_lines
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
-from linework.model.lines import LineSet
+from linework.files.vectors.pole_points import is_point
+from linework.model.lines import POLE, LineSet
 
 with extra_needed("cad"):
     import ezdxf
@@ -65,14 +66,19 @@ def write_dxf(
             else:
                 document.layers.add(layer, **_drawn(look))
         by_name = {layer.lower(): look for layer, look in looks.items()}
-        space, values = document.modelspace(), field_values(lines)
+        space, values, points = document.modelspace(), field_values(lines), is_point(lines)
         for i, code in enumerate(coded):
             attributes = {"layer": own[i]}
             if code is not None and _look_of(code) != by_name[own[i].lower()]:
                 attributes |= _drawn(_look_of(code))
-            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs=attributes)
+            if points[i]:
+                # Drawn as high as it is
+                attributes["thickness"] = float(lines.height_m[i])
+                entity: Any = space.add_point(lines[i].xyz[0].tolist(), dxfattribs=attributes)
+            else:
+                entity = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs=attributes)
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
-            polyline.set_xdata(_APP, _extended_data(fields | ({} if code is None else {"code": code.code})))
+            entity.set_xdata(_APP, _extended_data(fields | ({} if code is None else {"code": code.code})))
         # ezdxf goes through a set of these, whose order differs between processes
         for used in sorted(document.entitydb.dxf_types_in_use()):
             document.classes.add_class(used)
@@ -154,7 +160,7 @@ def prj_of(crs: str) -> bytes | None:
 def read_dxf(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the lines, polylines and lightweight polylines of a DXF file; the kind of a line is its layer.
+    """Read the lines, polylines and lightweight polylines of a DXF file, and our own poles; the kind of a line is its layer.
 
     Those that cannot be read are added to `left_out`.
 
@@ -165,12 +171,13 @@ def read_dxf(
     """
     shapes, tables, places = [], [], []
     with _drawing_errors(path):
-        for entity in readfile(path).modelspace().query("LINE POLYLINE LWPOLYLINE"):
-            vertices = _vertices(entity)
-            if len(vertices) < 2:
+        for entity in readfile(path).modelspace().query("LINE POLYLINE LWPOLYLINE POINT"):
+            is_pole = entity.dxftype() == "POINT" and _own_fields(entity).get("kind") == POLE
+            vertices = np.array([tuple(entity.dxf.location)]) if is_pole else _vertices(entity)
+            if len(vertices) < 2 and not is_pole:
                 continue
             with np.errstate(invalid="ignore"):
-                shapes.append(shapely.linestrings(vertices))
+                shapes.append(shapely.points(vertices[0]) if is_pole else shapely.linestrings(vertices))
             places.append(f"{entity.dxftype()} {entity.dxf.handle} on layer {entity.dxf.layer}")
             tables.append({"layer": entity.dxf.layer} | _own_fields(entity))
     names = {name for table in tables for name in table}
@@ -208,6 +215,8 @@ def _drawing_errors(path: Path) -> Iterator[None]:
 
 def _vertices(entity: Any) -> FloatArray:
     kind = entity.dxftype()
+    if kind == "POINT":
+        return np.zeros((0, 3))
     if kind == "LINE":
         points = [tuple(entity.dxf.start), tuple(entity.dxf.end)]
     elif kind == "LWPOLYLINE":

@@ -10,7 +10,8 @@ import shapely
 
 from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.errors import InputError, UsageError
-from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.files.vectors.pole_points import is_point
+from linework.model.lines import KINDS, LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, linear_parts
 from linework.model.lineset.shown import LOOKS, OTHER_LOOK
 
@@ -42,6 +43,10 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
         "sigma_z_m": _rms_per_line(lines, lines.sigma_z_m),
     }
     rounded = {name: np.round(values, _COMPUTED_DECIMALS) for name, values in computed.items()}
+    # A point has one sigma, which stands nowhere else
+    points = is_point(lines)
+    for name in ("sigma_xy_m", "sigma_z_m"):
+        rounded[name][points] = getattr(lines, name)[lines.offsets[:-1][points]]
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
     compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
     reviewed = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
@@ -52,7 +57,7 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the known fields (see `field_values`) that the layer of a kind has."""
     only_cables = () if kind in ("cable", REJECTED_LAYER) else ("clearance_m", *HANGING)
-    return tuple(name for name in known if name not in only_cables)
+    return tuple(name for name in known if name not in only_cables or (kind == POLE and name == "network"))
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:
@@ -164,11 +169,15 @@ def lines_from_geometries(
 AS_MEASURED = "_stereo"
 #: Style of rejected lines: thin, dashed, in the grey of other lines.
 _REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
+#: Diameter of the disc of a pole: the tenth of an inch at which maps draw small objects. [mm]
+_MARKER_MM = 2.4
 
 
 def qgis_style(kind: str) -> str:
     """Return a QML document for the lines of one kind."""
     (red, green, blue), width_mm = LOOKS.get(kind.removesuffix(AS_MEASURED), OTHER_LOOK)
+    if kind == POLE:
+        return _marker_style((red, green, blue))
     pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
     if kind == _REJECTED:
         pen, width_mm = "dash", _REJECTED_WIDTH_MM
@@ -186,6 +195,24 @@ def qgis_style(kind: str) -> str:
         '<Option name="line_width_unit" type="QString" value="MM"/>'
         "</Option></layer></symbol></symbols></renderer-v2>"
         "<blendMode>0</blendMode><layerGeometryType>1</layerGeometryType></qgis>"
+    )
+
+
+def _marker_style(colour: tuple[int, int, int]) -> str:
+    """Return a QML document for points: discs of `_MARKER_MM`."""
+    red, green, blue = colour
+    return (
+        "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
+        '<qgis version="3.22" styleCategories="Symbology">'
+        '<renderer-v2 type="singleSymbol" enableorderby="0" forceraster="0" symbollevels="0">'
+        '<symbols><symbol type="marker" name="0" alpha="1" clip_to_extent="1" force_rhr="0">'
+        '<layer class="SimpleMarker" enabled="1" locked="0" pass="0"><Option type="Map">'
+        f'<Option name="color" type="QString" value="{red},{green},{blue},255"/>'
+        '<Option name="name" type="QString" value="circle"/>'
+        f'<Option name="size" type="QString" value="{_MARKER_MM:g}"/>'
+        '<Option name="size_unit" type="QString" value="MM"/>'
+        "</Option></layer></symbol></symbols></renderer-v2>"
+        "<blendMode>0</blendMode><layerGeometryType>0</layerGeometryType></qgis>"
     )
 
 

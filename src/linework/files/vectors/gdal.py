@@ -23,6 +23,7 @@ from linework.files.vectors.fields import (
 )
 from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.files.vectors.left_out import usable_features
+from linework.files.vectors.pole_points import upright
 from linework.model.lines import LINE_COLUMNS, LineSet
 from linework.model.lineset.geometries import geometries
 
@@ -130,8 +131,8 @@ def foreign_lines(
     by their names.
     """
     named = ["" if v is None else str(v) for v in values]
+    shapes = upright(shapes, table.get("kind", named), table.get("height_m", [None] * len(named)))
     wanted = [i for i, v in enumerate(named) if kinds is None or v in kinds]
-    shapes = np.asarray(shapes, dtype=object)
     kept = usable_features(shapes, wanted, names.__getitem__, left_out)
     columns = {name: [table[name][i] for i in kept] for name in LINE_COLUMNS if name in table}
     columns["kind"] = [named[i] if kinds is None else kinds[named[i]] for i in kept]
@@ -153,7 +154,7 @@ def no_lines_error(shapes: AnyArray, path: Path) -> InputError:
 
 
 def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001
-    """Write FlatGeobuf: all kinds in one layer, without vertex columns (called through `publish`)."""
+    """Write FlatGeobuf: all kinds in one layer of lines, poles as vertical ones, without vertex columns (called through `publish`)."""
     values = {
         name: column.astype(object) if column.dtype.kind == "U" else column
         for name, column in field_values(lines).items()

@@ -38,6 +38,7 @@ from linework.files.vectors.gdal import foreign_lines, no_lines_error
 from linework.files.vectors.lane_layer import lane_fields
 from linework.files.vectors.left_out import bad_position
 from linework.files.vectors.point_layers import PointLayer
+from linework.files.vectors.pole_points import is_point, upright
 from linework.lines.lanes import Lanes
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values
@@ -76,11 +77,13 @@ def write_geojson(
 def _line_features(lines: LineSet) -> Iterator[dict[str, Any]]:
     values = {name: _plain(column) for name, column in field_values(lines).items()}
     vertex = {name: _plain(getattr(lines, name)) for name in vertex_columns(lines)}
+    points = is_point(lines)
     for i in range(len(lines)):
         start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
         properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
         properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
-        yield _feature(properties, "LineString", lines[i].xyz.tolist())
+        xyz = lines[i].xyz.tolist()
+        yield _feature(properties, *(("Point", xyz[0]) if points[i] else ("LineString", xyz)))
 
 
 def _point_features(points: Sequence[PointLayer]) -> Iterator[dict[str, Any]]:
@@ -153,7 +156,7 @@ def verify_geojson(
 def read_geojson(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the lines of a GeoJSON file, our own exactly; points and our lanes are skipped.
+    """Read the lines of a GeoJSON file, our own exactly; points that are no poles, and our lanes, are skipped.
 
     Features whose geometry cannot be read are added to `left_out`.
 
@@ -171,6 +174,8 @@ def read_geojson(
     read = [_shape(feature, i, left_out) for i, feature in enumerate(features)]
     shapes = np.array([*read, None], dtype=object)[:-1]
     own_crs = _crs_of(document, shapes, crs, path)
+    tables = [p if isinstance(p := f.get("properties"), dict) else {} for f in features]
+    shapes = upright(shapes, [t.get("kind") for t in tables], [t.get("height_m") for t in tables])
     chosen = np.flatnonzero(shapely.get_type_id(shapes) != shapely.GeometryType.POINT)
     features, shapes = [features[i] for i in chosen], shapes[chosen]
     tables = [f.get("properties") or {} for f in features]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from linework.arrays import AnyArray, IntArray
+from linework.arrays import AnyArray, IntArray, offsets_of
 from linework.crs import LOCAL, parse_crs, same_crs
 from linework.errors import FREE_SPACE, LineworkError, MachineError, is_full_disk
 from linework.files.vectors.fields import (
@@ -29,8 +29,9 @@ from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.files.vectors.gpkg_schema import FIXED_DATE, LayerTable, geopackage_bytes
 from linework.files.vectors.lane_layer import lane_fields
 from linework.files.vectors.point_layers import PointLayer
+from linework.files.vectors.pole_points import feature_shapes, is_point, upright
 from linework.lines.lanes import Lanes
-from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lines import LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, geometries
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
@@ -53,21 +54,24 @@ def write_gpkg(
     line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
     (`vertex`), its sigmas and flags (`observed` for truth only). `finish` may add to the file's bytes.
     """
-    layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
+    layers, shapes, values = layer_names(lines), feature_shapes(lines), field_values(lines)
+    points_of_poles = is_point(lines)
     # A set without lines keeps its CRS in an empty layer
     names = ordered_layers([*layers.tolist(), *kinds]) or ["line"]
     tables = []
     for layer in names:
         chosen = np.flatnonzero(layers == layer)
         columns = {name: null_if_empty(values[name][chosen]) for name in fields_of_kind(layer, values)}
-        tables.append(LayerTable(layer, columns, shapes[chosen]))
+        geometry = "POINT" if len(chosen) and points_of_poles[chosen].all() else "LINESTRING"
+        tables.append(LayerTable(layer, columns, shapes[chosen], geometry=geometry))
     for extra in points:
         places = np.asarray(shapely.points(extra.xyz), dtype=object)
         tables.append(LayerTable(extra.name, extra.fields, places, geometry="POINT"))
     if lanes is not None:
         tables.append(LayerTable(LANE_LAYER, lane_fields(lanes), geometries(lanes.centre)))
         names.append(LANE_LAYER)
-    tables.append(LayerTable(VERTEX_TABLE, vertex_table(lines, layers)))
+    drawn = ~points_of_poles
+    tables.append(LayerTable(VERTEX_TABLE, vertex_table(lines.take(drawn), layers[drawn])))
     tables.append(LayerTable(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
     content = geopackage_bytes(tables, lines.crs)
     part.write_bytes(content if finish is None else finish(content))
@@ -259,7 +263,27 @@ def _own_lines(path: Path) -> LineSet | None:
         return None
     own: dict[str, Any] = {name: column_values(name, column) for name, column in columns.items()}
     own |= {name: column_values(name, vertex[name]) for name in VERTEX_COLUMNS if name in vertex}
-    return LineSet(xyz=xyz, offsets=offsets, crs=crs, **own)
+    found = LineSet(xyz=xyz, offsets=offsets, crs=crs, **own)
+    poles = _own_poles(path)
+    return (
+        found
+        if poles is None
+        else LineSet.concatenate([found if len(found) else found.with_columns(crs=poles.crs), poles])
+    )
+
+
+def _own_poles(path: Path) -> LineSet | None:
+    """Return the poles of a GeoPackage, whose sigmas are those of both their vertices; None without their layer."""
+    if (POLE, "Point Z") not in [(str(name), str(kind)) for name, kind in pyogrio.list_layers(path)]:
+        return None
+    meta, _, shapes, values = pyogrio.raw.read(path, layer=POLE)
+    table = dict(zip(map(str, meta["fields"]), values, strict=True))
+    lines = upright(shapely.from_wkb(shapes), [POLE] * len(shapes), table["height_m"])
+    xyz, owner = shapely.get_coordinates(lines, include_z=True, return_index=True)
+    columns: dict[str, Any] = {n: column_values(n, table[n]) for n in LINE_COLUMNS if n in table}
+    columns |= {name: np.repeat(column_values(name, table[name]), 2) for name in ("sigma_xy_m", "sigma_z_m")}
+    crs = parse_crs(meta["crs"], where=path) if meta["crs"] else LOCAL
+    return LineSet(xyz=xyz, offsets=offsets_of(np.bincount(owner, minlength=len(lines))), crs=crs, **columns)
 
 
 def _runs(offsets: IntArray, chosen: IntArray) -> IntArray:

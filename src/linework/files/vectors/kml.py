@@ -15,6 +15,7 @@ from linework.arrays import FloatArray
 from linework.crs import LOCAL, describe_crs, horizontal_part
 from linework.errors import CrsError, MachineError
 from linework.files.vectors.fields import colour_of, layer_names, ordered_layers
+from linework.files.vectors.pole_points import is_point
 from linework.model.lines import LineSet
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
@@ -30,7 +31,7 @@ def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     CrsError
         The lines are local, or PROJ knows no exact transformation to degrees.
     """
-    degrees, layers = _in_degrees(lines, part), layer_names(lines)
+    degrees, layers, points = _in_degrees(lines, part), layer_names(lines), is_point(lines)
     names = ordered_layers([*layers.tolist(), *kinds])
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="{_NAMESPACE}"><Document>\n')
@@ -43,14 +44,17 @@ def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
         for layer in names:
             file.write(f"<Folder><name>{layer}</name>\n")
             for i in np.flatnonzero(layers == layer):
-                vertices = degrees[lines.offsets[i] : lines.offsets[i + 1]]
+                # A pole is drawn from its top down to the ground
+                first = lines.offsets[i + 1] - 1 if points[i] else lines.offsets[i]
+                vertices = degrees[first : lines.offsets[i + 1]]
+                tag, extruded = ("Point", "<extrude>1</extrude>") if points[i] else ("LineString", "")
                 text = " ".join(
                     f"{x:.{_DEGREE_DECIMALS}f},{y:.{_DEGREE_DECIMALS}f},{z:.3f}" for x, y, z in vertices
                 )
                 file.write(
                     f"<Placemark><name>{escape(str(lines.id[i]))}</name><styleUrl>#{layer}</styleUrl>"
-                    "<LineString><altitudeMode>absolute</altitudeMode>"
-                    f"<coordinates>{text}</coordinates></LineString></Placemark>\n"
+                    f"<{tag}>{extruded}<altitudeMode>absolute</altitudeMode>"
+                    f"<coordinates>{text}</coordinates></{tag}></Placemark>\n"
                 )
             file.write("</Folder>\n")
         file.write("</Document></kml>\n")
@@ -84,7 +88,7 @@ def verify_kml(part: Path, lines: LineSet, path: Path) -> None:
     except ElementTree.ParseError:
         texts = []
     counts = [len(text.split()) for text in texts]
-    if sorted(counts) != sorted(np.diff(lines.offsets).tolist()):
+    if sorted(counts) != sorted(np.where(is_point(lines), 1, np.diff(lines.offsets)).tolist()):
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"
         )

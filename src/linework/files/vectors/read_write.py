@@ -21,6 +21,7 @@ from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.lane_layer import check_lanes, lane_options
 from linework.files.vectors.left_out import left_out_text
 from linework.files.vectors.point_layers import PointLayer, point_layers
+from linework.files.vectors.pole_points import points_last
 from linework.lines.names import with_ids
 from linework.model.lines import LineSet
 from linework.model.logs import VanLog
@@ -134,6 +135,7 @@ def write_lines(
     check_format(path)
     check_lanes(path, lanes=lanes, location=location)
     check_writable(lines, path)
+    lines = points_last(lines)
     if lanes:
         # Lanes name their lines
         lines = with_ids(lines, ())

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.lines.names import cell_id, cells_of_lines, midpoints
-from linework.methods.cables.supports import grouped, hanging
+from linework.methods.cables.supports import groups_of_pairs, hanging
 from linework.model.lines import POLE, LineSet
 
 #: Largest distance in space of the ends of wires that continue each other: those of a wire meet within a gate, the next
@@ -37,8 +37,8 @@ def with_networks(lines: LineSet) -> LineSet:
     m = len(wires)
     same_span = _chained(hung.span)
     on_support = [(a // 2, b // 2) for a, b in _chained(hung.support.reshape(-1))]
-    network = grouped(m, [*same_span, *on_support])
-    circuit = grouped(m, [*same_span, *_continued(ends, hung.support, hung.span)])
+    network = groups_of_pairs(m, [*same_span, *on_support])
+    circuit = groups_of_pairs(m, [*same_span, *_continued(ends, hung.support, hung.span)])
     cells = cells_of_lines(lines.take(wires))
     order = np.lexsort((*midpoints(lines.take(wires)).T[::-1], *cells.T[::-1]))
     columns = {"network": network, "circuit": circuit, "span": hung.span}

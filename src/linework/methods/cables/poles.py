@@ -16,15 +16,15 @@ from linework.model.lines import POLE, LineSet
 FOOT_M = 2.0
 #: Side of the cells in plan and height of the levels in which points are counted [m]: a pole is 0.2 to 0.4 m thick, and
 #: a scanner that hits a wire once a metre hits a pole in every half metre.
-CELL_M, LEVEL_M = 0.25, 0.5
+POLE_CELL_M, POLE_LEVEL_M = 0.25, 0.5
 #: A pole's points lie within the first distance of its axis; between the second and the third is air, up to below the
 #: crossarms; a crown or a wall has points there. [m]
-POLE_M, AIR_M, CROSSARM_M = 0.4, (0.6, 1.3), 1.5
+POLE_HALF_M, AIR_M, CROSSARM_M = 0.4, (0.6, 1.3), 1.5
 #: Distance from the ends of wires within which a pole is looked for: brackets and pins, and ends a little off. [m]
-REACH_M = 1.5
+POLE_REACH_M = 1.5
 #: Fewest levels that tell a pole, and the least share of them with points. Largest share of levels with points in the air
 #: about it: a lamp, a sign, a climbing plant.
-LEAST_LEVELS, LEAST_SEEN, MOST_RINGED = 6, 0.6, 0.4
+LEAST_LEVELS, LEAST_SEEN, MOST_AIR_SEEN = 6, 0.6, 0.4
 #: A tower has at least three wires (a circuit) at this height [m], and its upper half, in levels of a metre, stands clear
 #: from this to that distance beyond its wires [m]; what grows is lower.
 TOWER_WIRES, TOWER_M, TOWER_LEVEL_M, TOWER_AIR_M = 3, 12.0, 1.0, (2.0, 6.0)
@@ -115,7 +115,7 @@ def without_repeats(poles: LineSet) -> LineSet:
 def _ground(band: CableBand, places: FloatArray) -> float:
     """Return the height of the ground below the ends (k, 3) of wires [m]: the median of that below the points near them."""
     x, y = places[:, :2].mean(axis=0).tolist()
-    for reach in (REACH_M, 4.0 * REACH_M, 16.0 * REACH_M):
+    for reach in (POLE_REACH_M, 4.0 * POLE_REACH_M, 16.0 * POLE_REACH_M):
         near = band.near(np.array([x, y, 1.0, 0.0, -reach, reach]), reach)
         if len(near):
             return float(np.median(band.xyz[near, 2] - band.height_m[near]))
@@ -130,7 +130,7 @@ def _standing(
         return None
     middle, top = (places[:, :2].min(axis=0) + places[:, :2].max(axis=0)) / 2.0, float(places[:, 2].max())
     half = float(np.hypot(*(places[:, :2] - middle).T).max())
-    reach = half + max(REACH_M, TOWER_AIR_M[1])
+    reach = half + max(POLE_REACH_M, TOWER_AIR_M[1])
     near = band.near(np.array([*middle, 1.0, 0.0, -reach, reach]), reach)
     near = near[~of_wire[near]]
     xyz = band.xyz[near]
@@ -138,7 +138,9 @@ def _standing(
     xyz = xyz[np.lexsort(xyz.T)]
     away = np.hypot(*(xyz[:, :2] - middle).T)
     meeting = MEETING if n_spans > 1 else 0.0
-    seen = _pole(xyz[away <= half + REACH_M + AIR_M[1]], middle, half + REACH_M, ground_m + FOOT_M, top)
+    seen = _pole(
+        xyz[away <= half + POLE_REACH_M + AIR_M[1]], middle, half + POLE_REACH_M, ground_m + FOOT_M, top
+    )
     if seen is None and len(places) >= TOWER_WIRES and top - ground_m >= TOWER_M:
         seen = _tower(xyz, away, half, (ground_m + top) / 2.0, top)
     if seen is not None:
@@ -146,30 +148,30 @@ def _standing(
     if n_spans < 2:
         return None
     # Nothing is seen: as much as is known from the wires
-    return Standing(places[:, :2].mean(axis=0), half + POLE_M, top, math.nan, meeting, "pole")
+    return Standing(places[:, :2].mean(axis=0), half + POLE_HALF_M, top, math.nan, meeting, "pole")
 
 
 def _pole(xyz: FloatArray, middle: FloatArray, reach_m: float, low_m: float, top_m: float) -> Standing | None:
     """Return the pole among points (n, 3) within `reach_m` of a place (2,), from `low_m` up to the wires; or None."""
-    n_levels = int((top_m - low_m) // LEVEL_M)
+    n_levels = int((top_m - low_m) // POLE_LEVEL_M)
     if n_levels < LEAST_LEVELS or len(xyz) < LEAST_LEVELS:
         return None
-    level = np.floor((xyz[:, 2] - low_m) / LEVEL_M).astype(np.int64)
+    level = np.floor((xyz[:, 2] - low_m) / POLE_LEVEL_M).astype(np.int64)
     best: tuple[float, FloatArray] | None = None
     for start in _columns(xyz, level, n_levels):
         axis = start
         for _ in range(3):
-            inside = np.hypot(*(xyz[:, :2] - axis).T) <= POLE_M
+            inside = np.hypot(*(xyz[:, :2] - axis).T) <= POLE_HALF_M
             if not inside.any():
                 break
             axis = np.median(xyz[inside, :2], axis=0)
         away = np.hypot(*(xyz[:, :2] - axis).T)
-        on = (away <= POLE_M) & (level < n_levels)
+        on = (away <= POLE_HALF_M) & (level < n_levels)
         seen = len(np.unique(level[on])) / n_levels
         below = xyz[:, 2] <= top_m - CROSSARM_M
-        n_below = max(int((top_m - CROSSARM_M - low_m) // LEVEL_M), 1)
+        n_below = max(int((top_m - CROSSARM_M - low_m) // POLE_LEVEL_M), 1)
         ring = len(np.unique(level[(away > AIR_M[0]) & (away <= AIR_M[1]) & below])) / n_below
-        if seen < LEAST_SEEN or ring > MOST_RINGED or np.hypot(*(axis - middle)) > reach_m:
+        if seen < LEAST_SEEN or ring > MOST_AIR_SEEN or np.hypot(*(axis - middle)) > reach_m:
             continue
         evidence = seen * (1.0 - ring)
         if best is None or evidence > best[0]:
@@ -177,8 +179,8 @@ def _pole(xyz: FloatArray, middle: FloatArray, reach_m: float, low_m: float, top
     if best is None:
         return None
     evidence, axis = best
-    own = xyz[np.hypot(*(xyz[:, :2] - axis).T) <= POLE_M]
-    xy, sigma = _axis(own[own[:, 2] <= top_m - 2.0 * LEVEL_M, :2], axis)
+    own = xyz[np.hypot(*(xyz[:, :2] - axis).T) <= POLE_HALF_M]
+    xy, sigma = _axis(own[own[:, 2] <= top_m - 2.0 * POLE_LEVEL_M, :2], axis)
     heights = np.sort(own[:, 2])
     step = float(heights[-1] - heights[-min(5, len(heights))])
     # Nothing above the highest point was hit: the end is up to a usual step above it
@@ -187,19 +189,21 @@ def _pole(xyz: FloatArray, middle: FloatArray, reach_m: float, low_m: float, top
 
 def _columns(xyz: FloatArray, level: IntArray, n_levels: int) -> list[FloatArray]:
     """Return the middles (2,) of the cells in whose neighbourhood most levels have points (n, 3), a few."""
-    cell = np.floor(xyz[:, :2] / CELL_M).astype(np.int64)
+    cell = np.floor(xyz[:, :2] / POLE_CELL_M).astype(np.int64)
     low = level < n_levels
     rows = [
-        np.column_stack([cell[low] + np.array([dx, dy]), level[low]]) for dx in (-1, 0, 1) for dy in (-1, 0, 1)
+        np.column_stack([cell[low] + np.array([dx, dy]), level[low]])
+        for dx in (-1, 0, 1)
+        for dy in (-1, 0, 1)
     ]
     cells, counts = np.unique(np.unique(np.concatenate(rows), axis=0)[:, :2], axis=0, return_counts=True)
     order = np.lexsort((*cells.T, -counts))
     chosen: list[FloatArray] = []
     for i in order.tolist():
-        place = (cells[i] + 0.5) * CELL_M
+        place = (cells[i] + 0.5) * POLE_CELL_M
         if counts[i] < LEAST_SEEN * n_levels or len(chosen) == _TRIED:
             break
-        if all(np.hypot(*(place - other)) > 2.0 * CELL_M for other in chosen):
+        if all(np.hypot(*(place - other)) > 2.0 * POLE_CELL_M for other in chosen):
             chosen.append(place)
     return chosen
 
@@ -211,7 +215,7 @@ def _axis(xy: FloatArray, start: FloatArray) -> tuple[FloatArray, float]:
     doi:10.1109/TIM.1976.6312298), where a circle explains half of their scatter; otherwise their mean.
     """
     if len(xy) < 2:
-        return start, POLE_M
+        return start, POLE_HALF_M
     mean = xy.mean(axis=0)
     d = xy - mean
     scatter = math.sqrt(float((d**2).sum()) / len(xy))
@@ -234,15 +238,15 @@ def _tower(xyz: FloatArray, away: FloatArray, half_m: float, low_m: float, top_m
     n_levels = int((top_m - low_m) // TOWER_LEVEL_M)
     level = np.floor((xyz[:, 2] - low_m) / TOWER_LEVEL_M).astype(np.int64)
     upper = (level >= 0) & (level < n_levels)
-    on = upper & (away <= half_m + REACH_M)
+    on = upper & (away <= half_m + POLE_REACH_M)
     about = upper & (away > half_m + TOWER_AIR_M[0]) & (away <= half_m + TOWER_AIR_M[1])
     seen, ring = (len(np.unique(level[chosen])) / max(n_levels, 1) for chosen in (on, about))
-    if seen < LEAST_SEEN or ring > MOST_RINGED:
+    if seen < LEAST_SEEN or ring > MOST_AIR_SEEN:
         return None
     middles = np.array([xyz[on & (level == k), :2].mean(axis=0) for k in np.unique(level[on])])
     xy = np.median(middles, axis=0)
     sigma = math.sqrt(float(((middles - xy) ** 2).sum()) / len(middles) / max(len(middles) - 1, 1))
-    own = xyz[away <= half_m + REACH_M, 2]
+    own = xyz[away <= half_m + POLE_REACH_M, 2]
     heights = np.sort(own)
     step = float(heights[-1] - heights[-min(5, len(heights))])
     return Standing(

@@ -66,13 +66,13 @@ def hanging(ends: FloatArray) -> Hanging:
         if shared is not None:
             beside.append((i, j))
             one += [(2 * i + a, 2 * j + b) for a, b in shared]
-    return Hanging(grouped(2 * m, one).reshape(m, 2), grouped(m, beside))
+    return Hanging(groups_of_pairs(2 * m, one).reshape(m, 2), groups_of_pairs(m, beside))
 
 
-def grouped(n: int, pairs: Iterable[tuple[int, int]]) -> IntArray:
+def groups_of_pairs(n: int, pairs: Iterable[tuple[int, int]]) -> IntArray:
     """Return the group (n,) int64 of things of which some pairs belong together.
 
-    >>> grouped(4, [(0, 2)]).tolist()
+    >>> groups_of_pairs(4, [(0, 2)]).tolist()
     [0, 1, 0, 2]
     """
     links = np.array([*pairs], dtype=np.int64).reshape(-1, 2)

@@ -240,7 +240,10 @@ class Radon:
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey: pieces of rails joined at the edges of cores, wires followed from pole to pole."""
         is_rail = np.isin(found.kind, RAIL_KINDS)
-        rails, wires = RailMethod().join(found.take(is_rail), survey), CableMethod().join(found.take(~is_rail), survey)
+        rails, wires = (
+            RailMethod().join(found.take(is_rail), survey),
+            CableMethod().join(found.take(~is_rail), survey),
+        )
         return LineSet.concatenate([rails, wires])
 
     def steps(

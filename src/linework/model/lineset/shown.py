@@ -31,6 +31,7 @@ LOOKS = {
     "barrier": ((86, 180, 233), 0.7),
     "fence": ((0, 158, 115), 0.4),
     "cable": ((20, 20, 20), 0.4),
+    "pole": ((120, 70, 20), 0.8),
 }
 #: Look of every other kind.
 OTHER_LOOK = ((120, 120, 120), 0.4)

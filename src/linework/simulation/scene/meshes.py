@@ -163,7 +163,8 @@ def columns(
     heights = np.broadcast_to(np.asarray(height_m, dtype=np.float64), (len(feet),))
     up = np.array([0.0, 0.0, 1.0])
     return joined_meshes(
-        prism(foot + ring, foot + ring + h * up, material, target) for foot, h in zip(feet, heights, strict=True)
+        prism(foot + ring, foot + ring + h * up, material, target)
+        for foot, h in zip(feet, heights, strict=True)
     )
 
 

@@ -81,6 +81,8 @@ def pole(road: Road, spec: Pole) -> Part:
         meshes.append(boxes(plate[None], np.array([heading]), (0.02, 0.6, 0.6), Material.SIGN))
     lines: tuple[TruthLine, ...] = ()
     if spec.network:
-        axis = road.on_ground(spec.s_m, spec.q_m, 0.0) + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, spec.height_m]])
+        axis = road.on_ground(spec.s_m, spec.q_m, 0.0) + np.array(
+            [[0.0, 0.0, 0.0], [0.0, 0.0, spec.height_m]]
+        )
         lines = (TruthLine(kind=POLE, xyz=axis, form="pole", height_m=spec.height_m, network=spec.network),)
     return Part((joined_meshes(meshes),), lines)
