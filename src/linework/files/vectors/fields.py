@@ -10,7 +10,7 @@ import shapely
 
 from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.errors import InputError, UsageError
-from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lines import CANDIDATE, KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, linear_parts
 from linework.model.lineset.shown import LOOKS, OTHER_LOOK
 
@@ -23,6 +23,8 @@ FIELDS = (
 DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
 #: Fields of the review: written where any line has been reviewed.
 REVIEWED = ("review", "condition", "note")
+#: Fields of candidates alone, in the formats with a layer for each kind.
+OF_CANDIDATES = ("candidate_kind", "reason")
 #: Layer of the lines that people rejected; and the tables of a line file that hold no lines.
 REJECTED_LAYER = "rejected"
 #: Layer of the lanes, whose rows follow from the lines.
@@ -44,12 +46,15 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
     compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
     reviewed = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *reviewed)}
+    asked = OF_CANDIDATES if any((getattr(lines, name) != "").any() for name in OF_CANDIDATES) else ()
+    names = (*FIELDS, "clearance_m", *compared, *reviewed, *asked)
+    return {name: (rounded | own)[name] for name in names}
 
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the known fields (see `field_values`) that the layer of a kind has."""
-    return tuple(name for name in known if kind in ("cable", REJECTED_LAYER) or name != "clearance_m")
+    own = dict.fromkeys(OF_CANDIDATES, CANDIDATE) | {"clearance_m": "cable"}
+    return tuple(name for name in known if kind in (own.get(name, kind), REJECTED_LAYER))
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:
@@ -159,7 +164,7 @@ def lines_from_geometries(
 
 #: Suffix of the layers with the lines as measured in stereo images: dotted, in the colour of their kind.
 AS_MEASURED = "_stereo"
-#: Style of rejected lines: thin, dashed, in the grey of other lines.
+#: Style of rejected lines and of candidates: thin, dashed; rejected ones in the grey of other lines.
 _REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
 
 
@@ -167,7 +172,7 @@ def qgis_style(kind: str) -> str:
     """Return a QML document for the lines of one kind."""
     (red, green, blue), width_mm = LOOKS.get(kind.removesuffix(AS_MEASURED), OTHER_LOOK)
     pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
-    if kind == _REJECTED:
+    if kind in (_REJECTED, CANDIDATE):
         pen, width_mm = "dash", _REJECTED_WIDTH_MM
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
