@@ -62,7 +62,18 @@ def main(arguments: tuple[str, ...] = ()) -> None:
     n_lines = parser.parse_args(list(arguments)).lines
     with tempfile.TemporaryDirectory(prefix="linework-table-") as name:
         survey, path = Path(name) / "drive", Path(name) / "lines.gpkg"
-        order = ["simulate", "-o", str(survey), "--road", "urban", "--seed", "41", "--length-m", "48", "--no-images"]
+        order = [
+            "simulate",
+            "-o",
+            str(survey),
+            "--road",
+            "urban",
+            "--seed",
+            "41",
+            "--length-m",
+            "48",
+            "--no-images",
+        ]
         if linework([*order, "--quiet"]) != 0:
             raise SystemExit("the survey could not be simulated")
         write_lines(strewn(survey, n_lines), path)

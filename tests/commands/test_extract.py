@@ -128,3 +128,25 @@ def test_a_report_is_a_page_of_its_own(linework, las_file, tmp_path):
     assert not (tmp_path / "more.gpkg").exists()
     wrong = linework("extract", las_file, "-o", tmp_path / "more.gpkg", "--report", tmp_path / "report.doc")
     assert wrong.code == 2
+
+
+def test_candidates_are_written_where_they_are_asked_for(linework, las_file, tmp_path):
+    output = tmp_path / "lines.gpkg"
+    found = linework("extract", las_file, "-o", output, "--features", "road_boundary", "--candidates")
+    assert found.code == 0, found.stderr
+    assert [line.split()[0] for line in found.stdout.splitlines()] == ["road_boundary", "candidate"]
+    assert [name for name, _ in pyogrio.list_layers(output)][:2] == ["road_boundary", "candidate"]
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["parameters"]["candidates"] is True
+    assert record["parameters"]["features"] == ["road_boundary"]
+    styles = pyogrio.raw.read(output, layer="layer_styles", columns=["f_table_name", "styleQML"])[3]
+    assert 'line_style" type="QString" value="dash"' in dict(zip(*styles, strict=True))["candidate"]
+
+
+def test_candidates_need_a_method_that_has_them(linework, las_file, tmp_path):
+    found = linework(
+        "extract", las_file, "-o", tmp_path / "lines.gpkg", "--features", "cable", "--candidates"
+    )
+    assert found.code == 2
+    assert "candidates: only obb keeps lines" in found.stderr
+    assert not (tmp_path / "lines.gpkg").exists()

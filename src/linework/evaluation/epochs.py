@@ -28,7 +28,7 @@ from linework.evaluation.shifts import (
 )
 from linework.lines.along import line_stretch, runs_of
 from linework.lines.crosscuts import Axis, axis_along, cross_cuts
-from linework.model.lines import LineSet
+from linework.model.lines import CANDIDATE, LineSet
 
 #: Lines of one kind nearer than this are the same line; a kerb that moves further is another one. [m]
 SAME_M = 1.5
@@ -167,7 +167,7 @@ def compare_epochs(
         for line, from_m, to_m, n in dash_runs(lines, other)
     ]
     whole = old, new
-    old, new = (s.take(~np.isin(s.kind, _PARTS) & (s.length_m > 0)) for s in (old, new))
+    old, new = (s.take(~np.isin(s.kind, (*_PARTS, CANDIDATE)) & (s.length_m > 0)) for s in (old, new))
     there, back = _stations(old, new), _stations(new, old)
     registration = _registered(there)
     if paint is not None:

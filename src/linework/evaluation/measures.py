@@ -25,7 +25,7 @@ from linework.evaluation.match import TIE_M, PieceMatch, distance_to, match_chai
 from linework.evaluation.stations import Stations, measure_stations
 from linework.evaluation.tolerance import DASH_END_M, KindMatch, at_tolerance
 from linework.evaluation.values import KindScores, Scores
-from linework.model.lines import KINDS, POLE, LineSet
+from linework.model.lines import CANDIDATE, KINDS, POLE, LineSet
 
 #: Further tolerances at which scores are computed by default (docs/evaluation.md). [m]
 _CURVE_M = (0.05, 0.10, 0.20, 0.50)
@@ -159,7 +159,9 @@ def match_lines(
                 where="evaluate",
             )
     reach_m = max(tolerance_m, *curve_m)
-    chosen = kinds_in(extracted, reference) if kinds is None else tuple(kinds)
+    # Candidates were not taken: they count only where they are named
+    there = (kind for kind in kinds_in(extracted, reference) if kind != CANDIDATE)
+    chosen = tuple(there if kinds is None else kinds)
     parts = (match_kind(extracted, reference, kind, reach_m) for kind in chosen)
     return tuple(replace(part, dash_end_m=dash_end_m) for part in parts)
 

@@ -20,7 +20,7 @@ from linework.library.opened import (
 )
 from linework.library.progress import Progress, display_of
 from linework.library.report import OnProblem, check_on_problem, lose_nothing, report_of
-from linework.methods.choose import selected_methods
+from linework.methods.choose import selected_methods, with_candidates
 from linework.methods.kinds import PUBLISHED_KINDS_OF, check_method, parse_kinds
 from linework.methods.obb.method import Obb
 from linework.methods.protocol import Method
@@ -68,6 +68,7 @@ def extract(
     work: str | Path | None = None,
     resume: bool = False,
     adjust: bool = True,
+    candidates: bool = False,
     progress: Progress = None,
     on_problem: OnProblem = "raise",
 ) -> LineSet:
@@ -108,6 +109,9 @@ def extract(
     adjust
         Make several drives over one road agree at their lines before lines are extracted from all of them. False: leave
         them as they were recorded.
+    candidates
+        Also return the lines that obb measured and did not take, of the kind "candidate", with the kind that each would
+        be (`candidate_kind`) and the `reason`. The other lines are the same with and without.
     progress
         True: show progress on stderr. A function is called with (stage, done, total).
     on_problem
@@ -144,6 +148,8 @@ def extract(
         )
     chosen = settings_given(settings)
     asked = methods_asked(methods, kinds, chosen)
+    if candidates:
+        asked = with_candidates(asked)
     check_own_code(asked, ground)
     looked_at = {method.recording for method in asked}
     # Points in memory and opened surveys bring their columns; of files, those are read that methods need

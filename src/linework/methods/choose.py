@@ -13,6 +13,7 @@ from linework.methods.obb.method import Obb, ObbConfig
 from linework.methods.protocol import Method, is_own
 from linework.methods.radon.method import Radon, RadonConfig
 from linework.methods.stereo.method import Stereo, StereoConfig
+from linework.model.lines import CANDIDATE
 
 #: Names of methods and kinds: they become names of layers and of files in the work folder.
 _NAME = re.compile(r"[\w-]+")
@@ -64,6 +65,31 @@ def choose_methods(
             advice="ask for lane_marking, lane_marking_dash or road_marking_other",
         )  # fmt: skip
     return tuple(methods)
+
+
+def with_candidates(methods: Iterable[Method]) -> tuple[Method, ...]:
+    """Return methods of which obb also returns the lines that it measured and did not take, of its kinds.
+
+    Raises
+    ------
+    UsageError
+        None of them is obb.
+
+    >>> [method.kinds for method in with_candidates([Obb(kinds=("road_boundary",))])]
+    [('road_boundary', 'candidate')]
+    """
+    given = tuple(methods)
+    if not any(isinstance(method, Obb) for method in given):
+        raise UsageError(
+            "only obb keeps lines that it did not take, and it is not asked",
+            where=argument("candidates"), advice="ask for lane_marking or road_boundary, or leave it out",
+        )  # fmt: skip
+    return tuple(
+        replace(method, kinds=tuple(dict.fromkeys((*method.kinds, CANDIDATE))))
+        if isinstance(method, Obb)
+        else method
+        for method in given
+    )
 
 
 def selected_methods(

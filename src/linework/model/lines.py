@@ -25,6 +25,9 @@ KINDS = (
 #: The kind of what stands at a place: in a `LineSet` a vertical line from its foot to its top, in files a point.
 POLE = "pole"
 
+#: Kind of the lines that were measured and not taken, which are only written on request: see `candidate_kind`.
+CANDIDATE = "candidate"
+
 #: Review decisions: right as it is, corrected, drawn by hand, or no such feature.
 REVIEWS = ("accepted", "edited", "drawn", "rejected")
 #: Condition of the feature itself, as the reviewer sees it.
@@ -76,6 +79,8 @@ class LineSet(ForOtherLibraries):
         (m,) str: review decision, one of `REVIEWS`; "" before review.
     condition, note
         (m,) str: condition, one of `CONDITIONS`, and a remark in words.
+    candidate_kind, reason
+        (m,) str, of candidates: the kind that the line would be, and why it was not taken; else "".
     report
         What was looked at and what was left out, for lines that `extract` returned; else None.
 
@@ -122,6 +127,8 @@ class LineSet(ForOtherLibraries):
     review: AnyArray = filled_column(np.str_, "")
     condition: AnyArray = filled_column(np.str_, "")
     note: AnyArray = filled_column(np.str_, "")
+    candidate_kind: AnyArray = filled_column(np.str_, "")
+    reason: AnyArray = filled_column(np.str_, "")
     report: Report | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from linework.errors import OutputExistsError, UsageError, argument
 from linework.files.documents import read_json
 from linework.files.output.record import hash_file
-from linework.methods.choose import choose_methods
+from linework.methods.choose import choose_methods, with_candidates
 from linework.methods.kinds import PUBLISHED_KINDS_OF
 from linework.methods.protocol import Method
 from linework.model.ground import Ground
@@ -152,6 +152,7 @@ def extraction_request(
     lanes: bool = False,
     location: str = "",
     adjust: bool = True,
+    candidates: bool = False,
 ) -> ExtractionRequest:
     """Return the order to look for `kinds` by a method ("auto": what suits each kind).
 
@@ -171,6 +172,8 @@ def extraction_request(
         Also write the lanes.
     adjust
         Make several drives over one road agree first.
+    candidates
+        Also write the lines that were measured and not taken, in the layer `candidate`.
 
     Raises
     ------
@@ -192,6 +195,8 @@ def extraction_request(
         methods = choose_methods(
             method, kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo, paint=paint
         )
+    if candidates:
+        methods = with_candidates(methods)
     check_own_code(methods, ground)
     own = own_code_of(methods, ground)
     return ExtractionRequest(
@@ -212,6 +217,7 @@ def extraction_request(
             **({"own": own} if own else {}),
             **({"lanes": lanes, "location": location} if lanes else {}),
             **({} if adjust else {"adjust": False}),
+            **({"candidates": True} if candidates else {}),
         },
         overwrite=overwrite,
         resume=resume,

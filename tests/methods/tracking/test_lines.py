@@ -10,6 +10,10 @@ from linework.methods.obb.method import Obb
 from linework.methods.protocol import SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.arrangement import (
+    GUTTER,
+    HIDDEN,
+    NOTHING_IN_FRONT,
+    SEAM,
     along_lines,
     behind_boundaries,
     beside_kerb,
@@ -190,6 +194,10 @@ def axis(y, *, turned=False, length=40.0):
 
 
 def bounds(axes, kerbs, lanes=()):
+    return [not why for why in reasons(axes, kerbs, lanes)]
+
+
+def reasons(axes, kerbs, lanes=()):
     return bounds_carriageway(axes, np.array(kerbs), np.array(kerbs), (), lanes).tolist()
 
 
@@ -220,7 +228,15 @@ def test_an_edge_needs_a_carriageway_and_a_kerb_shows_it():
     # ... nor where the only paint is on another road
     assert bounds_carriageway(
         [axis(0.0)], np.array([False]), np.array([False]), [elsewhere], ()
-    ).tolist() == [True]
+    ).tolist() == [""]
+
+
+def test_what_is_no_boundary_is_said_why():
+    across = axis(7.0, turned=True)
+    assert reasons([axis(0.0), axis(-2.0), across], [True, False, True]) == ["", HIDDEN, ""]
+    assert reasons([axis(0.0), axis(1.0), across], [True, False, True]) == ["", GUTTER, ""]
+    assert reasons([axis(0.0), axis(4.0), across], [False] * 3, [axis(3.5)]) == ["", SEAM, ""]
+    assert reasons([axis(0.0)], [False], [axis(100.0)]) == [NOTHING_IN_FRONT]
 
 
 def test_kerb_stones_are_no_paint():
@@ -242,7 +258,9 @@ def refused(axes, evidence, *, shades=None, known=None, lanes=(), path=()):
     m = len(axes)
     shades = np.zeros(m, np.int64) if shades is None else np.array(shades)
     known = np.zeros(m, np.bool_) if known is None else np.array(known)
-    return outweighed(axes, np.array(evidence, dtype=float), shades, known, lanes, path).tolist()
+    return [
+        why != "" for why in outweighed(axes, np.array(evidence, dtype=float), shades, known, lanes, path)
+    ]
 
 
 def test_of_parallel_changes_the_one_with_most_evidence_ends_the_carriageway():

@@ -62,6 +62,13 @@ def extract_command(
         str,
         typer.Option("--carry", metavar="NAME,...", help="Extra dimensions of the laser files to read."),
     ] = "",
+    candidates: Annotated[
+        bool,
+        typer.Option(
+            "--candidates",
+            help="Also write the lines measured and not taken, with the reason, as layer candidate.",
+        ),
+    ] = False,
     lanes: WithLanes = False,
     location: Location = "",
     trajectory: TrajectoryFile = None,
@@ -154,6 +161,7 @@ def extract_command(
         request = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
             overwrite=overwrite, resume=resume, adjust=not no_adjust, lanes=lanes, location=location,
+            candidates=candidates,
         )  # fmt: skip
         request = replace(request, forget_reviews=forget_reviews)
         record, found = extract_to(request, recordings, folder, executor, steps)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from linework.errors import UsageError
-from linework.model.lines import CONDITIONS, KINDS, REVIEWS, LineSet
+from linework.model.lines import CANDIDATE, CONDITIONS, KINDS, REVIEWS, LineSet
 
 #: Values that can be chosen for a column; "" clears it.
 CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -31,6 +31,8 @@ KINDS_WITH: Mapping[str, tuple[str, ...]] = {
     "network": ("cable",),
     "span": ("cable",),
     "circuit": ("cable",),
+    "candidate_kind": (CANDIDATE,),
+    "reason": (CANDIDATE,),
 }
 
 
@@ -58,7 +60,8 @@ def with_kind(lines: LineSet, kind: str) -> LineSet:
     empty = {"double": False, "width_m": np.nan, "height_m": np.nan, "clearance_m": np.nan}
     columns: dict[str, object] = {"kind": np.full(len(lines), kind)}
     for name, kinds in KINDS_WITH.items():
-        keeps = (lines.kind == kind) | (kind in kinds and name != "form")
+        # Forms are a kind's own, and a candidate has one of the kind that it would be
+        keeps = (lines.kind == kind) | (lines.candidate_kind == kind if name == "form" else kind in kinds)
         columns[name] = np.where(keeps, getattr(lines, name), empty.get(name, ""))
     return lines.with_columns(**columns)
 

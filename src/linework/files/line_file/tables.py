@@ -21,10 +21,8 @@ from linework.errors import (
     is_full_disk,
 )
 from linework.files.vectors.fields import (
-    DISAGREEMENT,
     FIELDS,
-    HANGING,
-    REVIEWED,
+    OPTIONAL_FIELDS,
     field_values,
     fields_of_kind,
     layer_names,
@@ -37,7 +35,7 @@ from linework.model.lineset.geometries import geometries
 #: How long to wait for another program: QGIS holds the file while it saves a layer. [s]
 WAIT_S = 5.0
 #: All fields a layer may have: those of a line file have all of them, also where no line uses them yet.
-ALL_FIELDS = (*FIELDS, "clearance_m", *HANGING, *DISAGREEMENT, *REVIEWED)
+ALL_FIELDS = (*FIELDS, *OPTIONAL_FIELDS)
 
 #: `edit`: the edits; `gone` and `came` are numbers of `line_version` (JSON). `line_version`: every version of every
 #: line, exactly; `layer` and `fid` are its present place (NULL: none), `line` its number in `vertex`, `edit` the edit
@@ -148,9 +146,8 @@ def add_line_file_tables(db: sqlite3.Connection) -> None:
 
 def _empty_columns(layer: str) -> dict[str, str]:
     sql_types = {"U": "TEXT", "b": "BOOLEAN", "f": "DOUBLE"}
-    values = field_values(LineSet.empty()) | {name: np.zeros(0) for name in DISAGREEMENT}
-    values |= {name: np.zeros(0, dtype=np.str_) for name in HANGING}
-    values |= {name: np.zeros(0, dtype=np.str_) for name in REVIEWED}
+    values = field_values(LineSet.empty())
+    values |= {name: getattr(LineSet.empty(), name) for name in OPTIONAL_FIELDS}
     return {name: sql_types[values[name].dtype.kind] for name in fields_of_kind(layer, ALL_FIELDS)}
 
 

@@ -65,7 +65,9 @@ def schema_statements(schema: str) -> list[str]:
 def added_columns(schema: str) -> list[str]:
     """Return the statements that add columns that a table of an earlier version lacks."""
     types = field_types()
-    return [f"ALTER TABLE {schema}.line ADD COLUMN IF NOT EXISTS {name} {types[name]}" for name in LINE_FIELDS]
+    return [
+        f"ALTER TABLE {schema}.line ADD COLUMN IF NOT EXISTS {name} {types[name]}" for name in LINE_FIELDS
+    ]
 
 
 def rows_of_lines(lines: LineSet, survey: str, srid: int) -> Iterator[list[Any]]:

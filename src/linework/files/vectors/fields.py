@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -11,20 +12,36 @@ import shapely
 from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.errors import InputError, UsageError
 from linework.files.vectors.pole_points import is_point
-from linework.model.lines import KINDS, LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
+from linework.model.lines import CANDIDATE, KINDS, LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, linear_parts
 from linework.model.lineset.shown import LOOKS, OTHER_LOOK
 
-#: Fields in the order of the manual; clearance_m follows for cables, with HANGING where any is part of a network, DISAGREEMENT where two methods found a line,
-#: REVIEWED where a person reviewed one.
+#: Fields in the order of the manual; clearance_m follows for cables, then the optional ones.
 FIELDS = (
     "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
     "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
 )  # fmt: skip
-HANGING = ("network", "span", "circuit")
-DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
-#: Fields of the review: written where any line has been reviewed.
+#: Fields of the review.
 REVIEWED = ("review", "condition", "note")
+#: Fields that are written together where any line has one of them: of wires that hang together, of lines that two methods
+#: found, of the review, of candidates.
+_GROUPS = (
+    ("network", "span", "circuit"),
+    ("disagreement_mean_m", "disagreement_rms_m"),
+    REVIEWED,
+    ("candidate_kind", "reason"),
+)
+#: Fields that a set of lines need not have.
+OPTIONAL_FIELDS = ("clearance_m", *chain.from_iterable(_GROUPS))
+#: The layers that have a field, in formats with a layer for each kind; those not named are in all.
+_LAYERS = {
+    "clearance_m": ("cable",),
+    "network": ("cable", POLE),
+    "span": ("cable",),
+    "circuit": ("cable",),
+    "candidate_kind": (CANDIDATE,),
+    "reason": (CANDIDATE,),
+}
 #: Layer of the lines that people rejected; and the tables of a line file that hold no lines.
 REJECTED_LAYER = "rejected"
 #: Layer of the lanes, whose rows follow from the lines.
@@ -48,16 +65,18 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     for name in ("sigma_xy_m", "sigma_z_m"):
         rounded[name][points] = getattr(lines, name)[lines.offsets[:-1][points]]
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
-    compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
-    reviewed = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
-    hanging = HANGING if any((getattr(lines, name) != "").any() for name in HANGING) else ()
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *hanging, *compared, *reviewed)}
+    in_use = (group for group in _GROUPS if any(_is_given(getattr(lines, name)).any() for name in group))
+    names = (*FIELDS, "clearance_m", *chain.from_iterable(in_use))
+    return {name: (rounded | own)[name] for name in names}
+
+
+def _is_given(values: AnyArray) -> AnyArray:
+    return values != "" if values.dtype.kind == "U" else np.isfinite(values)
 
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the known fields (see `field_values`) that the layer of a kind has."""
-    only_cables = () if kind in ("cable", REJECTED_LAYER) else ("clearance_m", *HANGING)
-    return tuple(name for name in known if name not in only_cables or (kind == POLE and name == "network"))
+    return tuple(name for name in known if kind in (*_LAYERS.get(name, (kind,)), REJECTED_LAYER))
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:
@@ -167,7 +186,7 @@ def lines_from_geometries(
 
 #: Suffix of the layers with the lines as measured in stereo images: dotted, in the colour of their kind.
 AS_MEASURED = "_stereo"
-#: Style of rejected lines: thin, dashed, in the grey of other lines.
+#: Style of rejected lines and of candidates: thin, dashed; rejected ones in the grey of other lines.
 _REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
 #: Diameter of the disc of a pole: the tenth of an inch at which maps draw small objects. [mm]
 _MARKER_MM = 2.4
@@ -179,7 +198,7 @@ def qgis_style(kind: str) -> str:
     if kind == POLE:
         return _marker_style((red, green, blue))
     pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
-    if kind == _REJECTED:
+    if kind in (_REJECTED, CANDIDATE):
         pen, width_mm = "dash", _REJECTED_WIDTH_MM
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"

@@ -26,10 +26,8 @@ from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.documents import read_json
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
-    DISAGREEMENT,
-    HANGING,
     LANE_LAYER,
-    REVIEWED,
+    OPTIONAL_FIELDS,
     field_values,
     fields_of_kind,
     vertex_columns,
@@ -291,7 +289,7 @@ def _epsg_of(name: str) -> str:
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
     """Return our own lines with their vertex columns; None where the geometry was changed since."""
-    optional = {"clearance_m", *HANGING, *DISAGREEMENT, *REVIEWED, _VERTEX_PROPERTIES["observed"]}
+    optional = {*OPTIONAL_FIELDS, _VERTEX_PROPERTIES["observed"]}
     wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
     if not len(shapes):
         return LineSet.empty(crs)

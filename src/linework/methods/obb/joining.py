@@ -12,8 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.boundaries.change_boxes import GAIN_SCALE
+from linework.methods.obb.candidates import (
+    BEHIND,
+    FAINT,
+    KERB_BED,
+    KERB_STONE,
+    PIECE,
+    Candidate,
+    candidate_lines,
+    left_out,
+)
 from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.arrangement import (
@@ -69,6 +79,10 @@ class Joining:
         Changes of the ground, of which some are boundaries.
     markings, other
         Lane markings, and other paint.
+    keeps_candidates
+        Whether lines are kept that are not taken, and boxes that are explained otherwise are tracked, too.
+    candidates
+        Lines that were not taken so far.
     """
 
     boxes: Mapping[BoxForm, BoxSet]
@@ -80,13 +94,17 @@ class Joining:
     changes: Sequence[SmoothBoundary] = ()
     markings: Sequence[SmoothMarking] = ()
     other: Sequence[SmoothMarking] = ()
+    keeps_candidates: bool = False
+    candidates: Sequence[Candidate] = ()
 
 
 #: One step: what it finds is added to, or left out of, a copy of what it is given.
 JoinStep = Callable[[Joining], Joining]
 
 
-def begin(boxes: BoxSet, survey: SurveyContext, config: TrackConfig) -> Joining:
+def begin(
+    boxes: BoxSet, survey: SurveyContext, config: TrackConfig, *, keeps_candidates: bool = False
+) -> Joining:
     """Return the boxes by form, in an order that does not depend on the tiles that they come from."""
     boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
     is_visible_in_world = survey.is_visible
@@ -98,12 +116,12 @@ def begin(boxes: BoxSet, survey: SurveyContext, config: TrackConfig) -> Joining:
 
     path = [] if survey.path is None else axes_of_path(survey.path - np.asarray(survey.origin))
     by_form = {form: boxes.take(boxes.form == form) for form in BoxForm}
-    return Joining(by_form, is_visible, path, config)
+    return Joining(by_form, is_visible, path, config, keeps_candidates=keeps_candidates)
 
 
 def find_kerbs(now: Joining) -> Joining:
     """Track the boxes of kerbs."""
-    kerbs = _boundaries(now, now.boxes[BoxForm.KERB])
+    now, kerbs = _boundaries(now, now.boxes[BoxForm.KERB])
     return replace(now, kerbs=kerbs, boundaries=kerbs)
 
 
@@ -122,7 +140,8 @@ def find_changes(now: Joining) -> Joining:
     boxes = now.boxes[BoxForm.CHANGE]
     known = axes_of_lines(now.boundaries)
     boxes = boxes.take(~beside_kerb(boxes, known, -KERB_SIDE_M, KERB_SIDE_M))
-    return replace(now, changes=_boundaries(now, facing(boxes, now.path)))
+    now, changes = _boundaries(now, facing(boxes, now.path))
+    return replace(now, changes=changes)
 
 
 def face_the_road(now: Joining) -> Joining:
@@ -141,10 +160,11 @@ def face_the_road(now: Joining) -> Joining:
 def find_paint(now: Joining) -> Joining:
     """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
     kerbs, config = axes_of_lines(now.kerbs), now.config
-    stripes, blobs = (
-        now.boxes[form].take(~beside_kerb(now.boxes[form], kerbs, -KERB_STONE_M, ON_FOOT_M))
+    on_stone = {
+        form: beside_kerb(now.boxes[form], kerbs, -KERB_STONE_M, ON_FOOT_M)
         for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
-    )
+    }
+    stripes, blobs = (now.boxes[form].take(~yes) for form, yes in on_stone.items())
     pieces = track_lines(stripes, config, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
     pieces = drop_unlikely_pieces(pieces, stripes.score)
     # Worn pieces are joined along whole lines, along boundaries and along the path
@@ -155,13 +175,22 @@ def find_paint(now: Joining) -> Joining:
     bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
     markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible)
     other = [*other, *marking_lines.bar_lines(blobs, bars, now.is_visible)]
+    if now.keeps_candidates:
+        stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
+        tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
+        found, _ = marking_lines.marking_lines(stones, tracks, now.is_visible)
+        unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible)
+        now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
+        now = _aside(now, [Candidate(line, "lane_marking", reason) for line, reason in unlikely])
     return replace(now, markings=markings, other=other)
 
 
 def keep_consistent(now: Joining) -> Joining:
     """Drop lines that contradict others: markings off the carriageway, boundaries of none, pieces of other lines."""
     path = now.path
-    changes = ends_of_carriageway(now)
+    why = ends_of_carriageway(now)
+    now = _aside(now, left_out(now.changes, "road_boundary", why))
+    changes = [line for line, reason in zip(now.changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
     is_change = np.arange(len(boundaries)) >= len(now.boundaries)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
@@ -173,26 +202,31 @@ def keep_consistent(now: Joining) -> Joining:
     width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
     sure = [b for b, yes in zip(boundaries, is_sure, strict=True) if yes]
     behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), width_m[is_sure])
+    now = _aside(now, left_out(now.markings, "lane_marking", np.where(behind, BEHIND, "")))
     markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
     # A boundary has a carriageway in front of it and none behind it
-    kept = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(markings), path)
-    boundaries = [b for b, yes in zip(boundaries, kept, strict=True) if yes]
+    why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(markings), path)
+    now = _aside(now, left_out(boundaries, "road_boundary", why))
+    boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # Bars and arrows stand alone: paint that runs along a line is a piece of that line
     lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]
     is_piece = along_lines(axes_of_lines(now.other), lines, KERB_STONE_M)
-    other = [m for m, yes in zip(now.other, is_piece, strict=True) if not yes and m.confidence >= SURE]
+    is_faint = np.array([m.confidence < SURE for m in now.other], dtype=np.bool_)
+    why = np.where(is_piece, PIECE, np.where(is_faint, FAINT, ""))
+    now = _aside(now, left_out(now.other, "road_marking_other", why))
+    other = [m for m, reason in zip(now.other, why, strict=True) if not reason]
     return replace(now, markings=markings, other=other, boundaries=boundaries)
 
 
-def ends_of_carriageway(now: Joining) -> list[SmoothBoundary]:
-    """Return the changes of the ground at which the carriageway ends."""
+def ends_of_carriageway(now: Joining) -> AnyArray:
+    """Return why the changes of the ground are not ends of the carriageway, (k,) str; "" for those that are."""
     lines = [*now.boundaries, *now.changes]
     known = np.arange(len(lines)) < len(now.boundaries)
     evidence = np.array([_evidence(line) for line in lines])
     axes = axes_of_lines(lines)
     shades = np.array([_shade(line) for line in lines], dtype=np.int64)
-    out = outweighed(axes, evidence, shades, known, axes_of_lines(now.markings), now.path)
-    return [line for line, no in zip(lines, out | known, strict=True) if not no]
+    why = outweighed(axes, evidence, shades, known, axes_of_lines(now.markings), now.path)
+    return why[~known]
 
 
 def _evidence(line: SmoothBoundary) -> float:
@@ -214,6 +248,14 @@ def _shade(line: SmoothBoundary) -> int:
 
 def line_set(now: Joining) -> LineSet:
     """Return all lines, with the roles and forms that follow from how they lie to one another."""
+    taken = _taken(now)
+    if not now.keeps_candidates:
+        return taken
+    return LineSet.concatenate([taken, candidate_lines(now.candidates, taken)])
+
+
+def _taken(now: Joining) -> LineSet:
+    """Return the lines that are taken."""
     lanes, bounds = axes_of_lines(now.markings), axes_of_lines(now.boundaries)
     double = is_double(lanes)
     names = roles(lanes, bounds, now.path, double)
@@ -239,11 +281,23 @@ def axes_of_lines(lines: Sequence[SmoothMarking] | Sequence[SmoothBoundary]) -> 
 def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
     """Track the boxes of one form, without those beside a kerb."""
     boxes = now.boxes[form]
-    away = ~beside_kerb(boxes, axes_of_lines(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
-    return replace(now, boundaries=[*now.boundaries, *_boundaries(now, boxes.take(away))])
+    beside = beside_kerb(boxes, axes_of_lines(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
+    if now.keeps_candidates:
+        now, beds = _boundaries(now, boxes.take(beside))
+        now = _aside(now, left_out(beds, "road_boundary", KERB_BED))
+    now, found = _boundaries(now, boxes.take(~beside))
+    return replace(now, boundaries=[*now.boundaries, *found])
 
 
-def _boundaries(now: Joining, boxes: BoxSet) -> list[SmoothBoundary]:
+def _boundaries(now: Joining, boxes: BoxSet) -> tuple[Joining, list[SmoothBoundary]]:
     """Return the boundaries through boxes of one form."""
     tracks = track_lines(boxes, now.config, width_m=SAME_BOUNDARY_M)
-    return boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)
+    if now.keeps_candidates:
+        unlikely = boundary_lines.unlikely_boundaries(boxes, tracks, now.is_visible)
+        now = _aside(now, [Candidate(line, "road_boundary", why) for line, why in unlikely])
+    return now, boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)
+
+
+def _aside(now: Joining, candidates: Sequence[Candidate]) -> Joining:
+    """Return what is known with further lines that were not taken, if they are kept."""
+    return replace(now, candidates=[*now.candidates, *candidates]) if now.keeps_candidates else now

@@ -33,7 +33,7 @@ from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.ground import Ground
-from linework.model.lines import LineSet
+from linework.model.lines import CANDIDATE, LineSet
 from linework.model.points import Points
 from linework.model.settings import Settings, group
 from linework.model.tile import TileData
@@ -160,12 +160,13 @@ class Obb:
 
     def begin_join(self, boxes: BoxSet, survey: SurveyContext) -> joining.Joining:
         """Return the boxes of a survey as the first of `join_steps` takes them."""
-        return joining.begin(boxes, survey, self.config.track)
+        return joining.begin(boxes, survey, self.config.track, keeps_candidates=CANDIDATE in self.kinds)
 
     def end_join(self, now: joining.Joining, survey: SurveyContext) -> LineSet:
         """Return the lines that the last of `join_steps` leaves, in world coordinates."""
         lines = joining.line_set(now)
-        lines = lines.take(np.isin(lines.kind, self.kinds))
+        is_asked = np.isin(lines.kind, self.kinds) & np.isin(lines.candidate_kind, ("", *self.kinds))
+        lines = lines.take(is_asked)
         return lines.with_columns(xyz=lines.xyz + np.asarray(survey.origin))
 
     def steps(

@@ -44,6 +44,17 @@ LANE_M = 6.0
 _MOST, _OFTEN = 0.5, 0.4
 #: A change of the ground is refused for what is beside it at more than this share of its stations.
 _SOME = 0.3
+# Why a boundary or a change of the ground is none of the carriageway's
+
+DRIVEN_OVER = "inside the carriageway: driven over, or paint lies close behind it"
+STRIP = "strip of another brightness, as between wheel tracks"
+DARKER = "darker outside, and nothing but brightness changes"
+OUTWEIGHED = "a parallel edge has more evidence"
+SEAM = "the road goes on behind it: a seam"
+GUTTER = "gutter of a kerb behind it"
+HIDDEN = "another boundary lies between it and the carriageway"
+NOTHING_IN_FRONT = "no carriageway in front of it"
+
 #: Cosines with the road below which a bar lies across it (60 degrees), and above which it runs along it (30 degrees).
 _ACROSS_ROAD, _ALONG_ROAD = 0.5, 0.866
 #: Ratios of the distances to both boundaries between which a line lies half-way between them.
@@ -89,8 +100,8 @@ def outweighed(
     is_known: BoolArray,
     lanes: Sequence[LineAxis],
     path: Sequence[LineAxis],
-) -> BoolArray:
-    """Return which changes of the ground are not where the carriageway ends, (m,) bool.
+) -> AnyArray:
+    """Return why changes of the ground are not where the carriageway ends, (m,) str; "" for those that may be.
 
     Of parallel ones that face the same way, that with the most evidence in all is the end; a patch, a wheel track or a
     seam is shorter or fainter. None ends a carriageway on which a vehicle passes as close as half its width, nor where
@@ -116,14 +127,15 @@ def outweighed(
     is_lane, is_path = n.other >= m, n.other >= m + len(lanes)
     inside = is_path & (np.abs(n.across_m) < HALF_VEHICLE_M)
     seam = is_lane & (n.across_m < -BESIDE_KERB_M) & (n.across_m > -SEAM_M)
-    out = _share_of_stations(n, own & (inside | seam), every)[:m] > _SOME
+    why = np.full(m, "", dtype=object)
+    why[_share_of_stations(n, own & (inside | seam), every)[:m] > _SOME] = DRIVEN_OVER
     # Wheel tracks and strips of other asphalt are as bright on one side as on the other
     shade = np.concatenate([shades * 1.0, np.zeros(len(every) - m)])
     strip = (shade[n.line] * shade[n.other] * n.facing < 0.0) & (np.abs(n.across_m) < SHADE_STRIP_M)
-    out |= _share_of_stations(n, strip, every)[:m] > _SOME
-    out &= ~is_known
+    why[(why == "") & (_share_of_stations(n, strip, every)[:m] > _SOME)] = STRIP
     # Grass, soil and stone are brighter than asphalt
-    out |= ~is_known & (shades < 0)
+    why[(why == "") & (shades < 0)] = DARKER
+    why[is_known] = ""
     # Those that weigh most first; brightness alone weighs less than any boundary that is known
     weighs = np.append(evidence > 0.0, np.zeros(len(every) - m, dtype=np.bool_))
     known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_)) & weighs
@@ -131,9 +143,10 @@ def outweighed(
     for i in np.lexsort((np.arange(m), -evidence)).tolist():
         stronger = (is_stronger | known) if shades[i] else is_stronger
         rival = (n.line == i) & ~is_lane & (n.facing > 0.0) & stronger[n.other]
-        out[i] |= not is_known[i] and _share_of_stations(n, rival, every)[i] > _SOME
-        is_stronger[i] = not out[i] and weighs[i]
-    return np.asarray(out)
+        if not why[i] and not is_known[i] and _share_of_stations(n, rival, every)[i] > _SOME:
+            why[i] = OUTWEIGHED
+        is_stronger[i] = not why[i] and weighs[i]
+    return why.astype(np.str_)
 
 
 def bounds_carriageway(
@@ -142,8 +155,8 @@ def bounds_carriageway(
     is_sure: BoolArray,
     markings: Sequence[LineAxis],
     path: Sequence[LineAxis],
-) -> BoolArray:
-    """Return which boundaries have a carriageway in front of them and none behind, (m,) bool.
+) -> AnyArray:
+    """Return why boundaries do not have a carriageway in front of them and none behind, (m,) str; "" for those that do.
 
     The first line across from a boundary, towards its carriageway, is paint, the vehicle's path, or a boundary that
     faces it. If it is a boundary facing away, that one is the end of the carriageway: walls, hedges and garden edges at
@@ -181,7 +194,9 @@ def bounds_carriageway(
     is_alone = (not has_path) & (_share_of_stations(n, own & is_lane, every)[:m] <= _MOST)
     good |= ~hidden & (is_kerb | is_alone)
     bad = _share_of_stations(n, seam | gutter, every)[:m] > _MOST
-    return _with_continued(axes, is_kerb, good & ~bad)
+    is_gutter = bad & (_share_of_stations(n, gutter, every)[:m] >= _share_of_stations(n, seam, every)[:m])
+    why = np.where(is_gutter, GUTTER, np.where(bad, SEAM, np.where(hidden, HIDDEN, NOTHING_IN_FRONT)))
+    return np.where(_with_continued(axes, is_kerb, good & ~bad), "", why)
 
 
 def _with_continued(axes: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:

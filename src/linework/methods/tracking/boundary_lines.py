@@ -28,6 +28,9 @@ LEAST_PAVEMENT_EDGE_M = 8.0
 UNMEASURED_M = 1.5
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
+#: Why boxes make no boundary.
+SHORT = "short: patches and objects are as long"
+LESS_LIKELY = "less likely an edge than even ground"
 #: Names of the forms of boxes, as lines have them.
 FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier", BoxForm.CHANGE: "edge"}
 
@@ -77,22 +80,35 @@ def smooth_boundaries(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[Smo
     visible
         Whether road or ground was measured at places [m, local].
     """
-    found: list[SmoothBoundary] = []
+    pieces = _all_pieces(boxes, tracks, visible)
+    return [_boundary(boxes, piece) for piece in pieces if not _why_no_line(boxes, piece)]
+
+
+def unlikely_boundaries(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[tuple[SmoothBoundary, str]]:
+    """Return the pieces of some length among tracked boxes that make no boundary by themselves, and why."""
+    found = [(piece, _why_no_line(boxes, piece)) for piece in _all_pieces(boxes, tracks, visible)]
+    return [
+        (_boundary(boxes, piece), why)
+        for piece, why in found
+        if why and boxes.along(piece)[-1] >= LEAST_BOUNDARY_M
+    ]
+
+
+def _all_pieces(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[IntArray]:
+    """Return the boxes of each piece, in the direction in which most of them see the carriageway to their left."""
+    found: list[IntArray] = []
     for i in range(len(tracks)):
         box, sense = tracks.line(i)
-        box = box if sense.sum() >= 0 else box[::-1]
-        pieces = _pieces(boxes, box, visible)
-        found += [_boundary(boxes, piece) for piece in pieces if _is_line(boxes, piece)]
+        found += _pieces(boxes, box if sense.sum() >= 0 else box[::-1], visible)
     return found
 
 
-def _is_line(boxes: BoxSet, box: IntArray) -> bool:
-    """Return whether boxes make a line: by its length and, without a kerb, by their scores."""
-    if boxes.form[box[0]] == BoxForm.KERB:
-        return bool(boxes.along(box)[-1] >= LEAST_BOUNDARY_M)
-    return bool(
-        boxes.along(box)[-1] >= LEAST_PAVEMENT_EDGE_M and np.mean(boxes.score[box]) >= LEAST_BOUNDARY_SCORE
-    )
+def _why_no_line(boxes: BoxSet, box: IntArray) -> str:
+    """Return why boxes make no line, by its length and, without a kerb, by their scores; "" where they do."""
+    is_kerb = boxes.form[box[0]] == BoxForm.KERB
+    if boxes.along(box)[-1] < (LEAST_BOUNDARY_M if is_kerb else LEAST_PAVEMENT_EDGE_M):
+        return SHORT
+    return "" if is_kerb or np.mean(boxes.score[box]) >= LEAST_BOUNDARY_SCORE else LESS_LIKELY
 
 
 def _pieces(boxes: BoxSet, box: IntArray, visible: Sight) -> list[IntArray]:

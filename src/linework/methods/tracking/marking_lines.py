@@ -49,6 +49,9 @@ NARROWEST_MARKING_M = 0.075
 LEAST_BAR_M = 1.0
 #: Lines are judged within this (docs/evaluation.md). [m]
 TOLERANCE_M = 0.10
+#: Why a line is more likely something else than paint.
+NARROW = "narrower than paint: a rail or a joint"
+OTHER_STRIP = "no paint: it fades at its sides, or lies between two materials"
 #: Bounds of the share of a solid line that wear has removed, and of the share of missing dashes: with none or all gone
 #: no longest gap follows. [-]
 _WORN_SHARE, _MISSING_SHARE = (0.01, 0.99), (0.05, 0.8)
@@ -96,22 +99,28 @@ def marking_lines(
     visible
         Whether road or ground was measured at places [m, local].
     """
-    found: list[SmoothMarking] = []
-    for i in range(len(tracks)):
-        found += _markings(boxes, tracks.line(i)[0], visible)
-    found = [m for m in found if _is_likely(m, boxes)]
+    found = [m for m in _all_markings(boxes, tracks, visible) if not _why_unlikely(m, boxes)]
     is_line = [_is_dashed(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
     ]
 
 
-def _is_likely(marking: SmoothMarking, boxes: BoxSet) -> bool:
-    """Return whether a line is wide enough for paint, and its boxes are more likely paint than something else."""
-    return (
-        marking.width_m >= NARROWEST_MARKING_M
-        and float(np.mean(boxes.score[marking.boxes])) >= LEAST_PIECE_SCORE
-    )
+def unlikely_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[tuple[SmoothMarking, str]]:
+    """Return the long lines among tracked stripes that are more likely something else than paint, and why."""
+    found = [(m, _why_unlikely(m, boxes)) for m in _all_markings(boxes, tracks, visible)]
+    return [(m, why) for m, why in found if why and float(np.ptp(m.paint)) >= LEAST_MARKING_M]
+
+
+def _all_markings(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
+    return [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible)]
+
+
+def _why_unlikely(marking: SmoothMarking, boxes: BoxSet) -> str:
+    """Return why a line is more likely something else than paint, "" where it is wide enough and its boxes are paint."""
+    if marking.width_m < NARROWEST_MARKING_M:
+        return NARROW
+    return "" if float(np.mean(boxes.score[marking.boxes])) >= LEAST_PIECE_SCORE else OTHER_STRIP
 
 
 def _is_dashed(marking: SmoothMarking) -> bool:
@@ -131,8 +140,8 @@ def _is_solid(paint: FloatArray) -> bool:
 
 def bar_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
     """Return the bars among tracked boxes of wide paint: stop lines, crossings."""
-    found = [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible)]
-    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M and _is_likely(m, boxes)]
+    found = _all_markings(boxes, tracks, visible)
+    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M and not _why_unlikely(m, boxes)]
 
 
 def _markings(boxes: BoxSet, box: IntArray, visible: Sight) -> list[SmoothMarking]:

@@ -82,7 +82,8 @@ class Line:
     length_m, bridged_m
         Length, in space for cables, in plan for all else; and the part of it without measurement. [m]
     id, kind, role, pattern, form, method, source, double, width_m, height_m, clearance_m, network, span, circuit, \
-disagreement_mean_m, disagreement_rms_m, confidence, time_start_s, time_end_s, review, condition, note
+disagreement_mean_m, disagreement_rms_m, confidence, time_start_s, time_end_s, review, condition, note, \
+candidate_kind, reason
         As the columns of `LineSet`, but one value each.
 
     Examples
@@ -128,6 +129,8 @@ disagreement_mean_m, disagreement_rms_m, confidence, time_start_s, time_end_s, r
     review = _OfLine(str)
     condition = _OfLine(str)
     note = _OfLine(str)
+    candidate_kind = _OfLine(str)
+    reason = _OfLine(str)
 
     @property
     def crs(self) -> str:

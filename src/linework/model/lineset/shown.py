@@ -10,7 +10,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.crs import describe_crs
 from linework.errors import LineworkError
-from linework.model.lines import LineSet
+from linework.model.lines import CANDIDATE, LineSet
 
 #: Kinds that are listed; the header, the CRS, the extent and the bridged share make twelve lines with them.
 _MOST_KINDS = 8
@@ -32,6 +32,7 @@ LOOKS = {
     "fence": ((0, 158, 115), 0.4),
     "cable": ((20, 20, 20), 0.4),
     "pole": ((120, 70, 20), 0.8),
+    CANDIDATE: ((150, 60, 150), 0.2),
 }
 #: Look of every other kind.
 OTHER_LOOK = ((120, 120, 120), 0.4)

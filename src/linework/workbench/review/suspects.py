@@ -23,7 +23,7 @@ from linework.editing.queue.suspects import (
 )
 from linework.lines.along import DrivenPath
 from linework.methods.protocol import Sight
-from linework.model.lines import LineSet
+from linework.model.lines import CANDIDATE, LineSet
 from linework.runs.opened.surface import SurveySight
 from linework.workbench.review.paint import PaintOfLines
 from linework.workbench.worker.session import SurveySession
@@ -40,7 +40,7 @@ def suspects_in_worker(session: SurveySession, lines: LineSet) -> list[Suspect]:
 def suspects(
     lines: LineSet, path: DrivenPath, visible: Sight, paint: Mapping[str, FloatArray] | None = None
 ) -> list[Suspect]:
-    """Return what is worth checking, the most promising first; rejected lines do not count.
+    """Return what is worth checking, the most promising first; rejected lines and candidates do not count.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def suspects(
     paint
         By id of a marking, where along it the paint shows dashes: (k, 2) [m].
     """
-    there = lines.take(lines.review != "rejected")
+    there = lines.take((lines.review != "rejected") & (lines.kind != CANDIDATE))
     copies = copied_lines(there)
     found = [
         *copies,
