@@ -14,7 +14,7 @@ from linework.lines.merged import merge_line_sets
 from linework.methods.kinds import kinds_in_order
 from linework.methods.protocol import Method
 from linework.model.ground import Ground
-from linework.model.lines import LineSet
+from linework.model.lines import POLE, LineSet
 from linework.processes.executors import Executor, Serial
 from linework.runs.extraction import Extraction, Failure, identify
 from linework.runs.opened.recordings import Recordings
@@ -76,6 +76,8 @@ def find_lines(
     if all(account.is_empty for account in accounts):
         _refuse(sources[0], accounts[0])
     lines, kinds = _merged(sources, found, steps)
+    if POLE in lines.kind:
+        kinds = (*kinds, POLE)  # poles come with cables, unasked
     aside = next((account.aside for account in accounts if account.aside), None)
     unusable = (Failure("recording", what, problem) for what, problem in recordings.problems)
     return Extraction(

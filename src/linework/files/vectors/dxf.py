@@ -68,7 +68,7 @@ def write_dxf(
         by_name = {layer.lower(): look for layer, look in looks.items()}
         space, values, points = document.modelspace(), field_values(lines), is_point(lines)
         for i, code in enumerate(coded):
-            attributes = {"layer": own[i]}
+            attributes: dict[str, Any] = {"layer": own[i]}
             if code is not None and _look_of(code) != by_name[own[i].lower()]:
                 attributes |= _drawn(_look_of(code))
             if points[i]:

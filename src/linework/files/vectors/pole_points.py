@@ -26,7 +26,7 @@ def is_point(lines: LineSet) -> AnyArray:
         xyz = lines[i].xyz
         top = xyz[0] + np.array([0.0, 0.0, float(lines.height_m[i])])
         is_upright &= len(xyz) == 2 and np.array_equal(xyz[1], top)
-    return found & is_upright
+    return np.asarray(found & is_upright)
 
 
 def points_last(lines: LineSet) -> LineSet:

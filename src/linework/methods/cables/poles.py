@@ -28,6 +28,8 @@ LEAST_LEVELS, LEAST_SEEN, MOST_AIR_SEEN = 6, 0.6, 0.4
 #: A tower has at least three wires (a circuit) at this height [m], and its upper half, in levels of a metre, stands clear
 #: from this to that distance beyond its wires [m]; what grows is lower.
 TOWER_WIRES, TOWER_M, TOWER_LEVEL_M, TOWER_AIR_M = 3, 12.0, 1.0, (2.0, 6.0)
+#: Highest tip of a tower above its wires, which may be without one against lightning. [m]
+TOWER_PEAK_M = 10.0
 #: Probability, by hand, that a pole stands where wires of two spans meet, seen or not.
 MEETING = 0.5
 #: Columns of a support that are tried, those with most levels first.
@@ -134,13 +136,12 @@ def _standing(
     near = band.near(np.array([*middle, 1.0, 0.0, -reach, reach]), reach)
     near = near[~of_wire[near]]
     xyz = band.xyz[near]
-    xyz = xyz[(xyz[:, 2] >= ground_m + FOOT_M) & (xyz[:, 2] <= top + CROSSARM_M)]
+    xyz = xyz[(xyz[:, 2] >= ground_m + FOOT_M) & (xyz[:, 2] <= top + TOWER_PEAK_M)]
     xyz = xyz[np.lexsort(xyz.T)]
     away = np.hypot(*(xyz[:, :2] - middle).T)
     meeting = MEETING if n_spans > 1 else 0.0
-    seen = _pole(
-        xyz[away <= half + POLE_REACH_M + AIR_M[1]], middle, half + POLE_REACH_M, ground_m + FOOT_M, top
-    )
+    for_pole = (away <= half + POLE_REACH_M + AIR_M[1]) & (xyz[:, 2] <= top + CROSSARM_M)
+    seen = _pole(xyz[for_pole], middle, half + POLE_REACH_M, ground_m + FOOT_M, top)
     if seen is None and len(places) >= TOWER_WIRES and top - ground_m >= TOWER_M:
         seen = _tower(xyz, away, half, (ground_m + top) / 2.0, top)
     if seen is not None:
