@@ -24,6 +24,7 @@ class TruthLine:
     width_m: float = float("nan")
     height_m: float = float("nan")
     clearance_m: float = float("nan")
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
