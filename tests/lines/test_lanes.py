@@ -231,6 +231,8 @@ def test_between_exact_lines_all_lanes_are_found_and_none_invented(kind):
     scenario = draw_scenario(kind, 77, 120.0)
     empty = (np.zeros((1, 3)), np.zeros(1, dtype=np.int64), np.zeros(1))
     lines = truth_lines(scenario, build_scene(scenario), empty, "local")
+    # Which of two generations of paint is in force is not told by where the lines are
+    lines = lines[lines.note != "older"]
     lanes, true = find_lanes(lines), true_lanes(scenario, most_m=4.4)
     middle = 0.5 * (true.right_xyz + true.left_xyz)
     width = np.hypot(*(true.left_xyz - true.right_xyz)[:, :2].T)

@@ -31,7 +31,7 @@ def heights_under(scene, xyz):
 def test_paint_lies_on_asphalt_and_boundaries_where_it_ends(kind, seed):
     layout = draw_scenario(kind, seed, 80.0).layout
     road = layout.road
-    scene = assemble_scene([ground(road)])
+    scene = assemble_scene([ground(one) for one in (road, *(over.road for over in layout.over))])
     for line in build_scene(draw_scenario(kind, seed, 80.0)).lines:
         if line.kind in ("lane_marking", "lane_marking_dash", "road_marking_other"):
             ray, z, material = heights_under(scene, line.xyz[1:-1])

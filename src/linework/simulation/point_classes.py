@@ -48,7 +48,7 @@ def classes_of_hits(scenario: Scenario, scene: Scene, hits: Hits, recorded: Floa
     found = _OF_MATERIAL[material]
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
     layout = scenario.layout
-    cover = paint_cover(hits.chainage_offset[on_asphalt], layout.markings, scenario.seed, layout.symbols)
+    cover = paint_cover(hits.chainage_offset[on_asphalt], layout.all_markings, scenario.seed, layout.symbols)
     found[on_asphalt[cover >= 0.5]] = PointClass.MARKING
     for kind, of, which in (
         ("guardrail", Material.STEEL, PointClass.RAIL),

@@ -59,6 +59,8 @@ class Alignment:
         [m/m] over chainage, positive uphill; its linear changes are parabolic vertical curves.
     nodes_m, nodes_xy
         Table of axis positions.
+    level_m
+        Height at chainage 0.
     """
 
     start_m: float
@@ -68,6 +70,7 @@ class Alignment:
     grade: PiecewiseLinear
     nodes_m: FloatArray
     nodes_xy: FloatArray
+    level_m: float = 0.0
 
     def heading(self, chainage_m: AnyArray | float) -> FloatArray:
         """Return the axis direction, [rad], anticlockwise from east."""
@@ -76,8 +79,8 @@ class Alignment:
         )
 
     def height(self, chainage_m: AnyArray | float) -> FloatArray:
-        """Return the height of the axis above its height at chainage 0, in metres."""
-        return np.asarray(self.grade.integral(chainage_m) - self.grade.integral(0.0))
+        """Return the height of the axis over the local origin, in metres."""
+        return np.asarray(self.level_m + self.grade.integral(chainage_m) - self.grade.integral(0.0))
 
     def position(self, chainage_m: AnyArray | float) -> FloatArray:
         """Return (..., 2) positions of the axis."""

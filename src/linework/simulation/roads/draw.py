@@ -9,6 +9,9 @@ from numbers import Integral, Real
 import numpy as np
 
 from linework.errors import UsageError, argument, did_you_mean
+from linework.simulation.lookalikes.draw_levels import draw_overpass, draw_tunnel
+from linework.simulation.lookalikes.draw_lookalikes import draw_lookalikes
+from linework.simulation.lookalikes.draw_repainted import draw_repainted
 from linework.simulation.roads.draw_country import draw_country, draw_field, draw_forest, draw_roofs
 from linework.simulation.roads.draw_junction import (
     MOST_RING_M,
@@ -38,18 +41,24 @@ _MIXED = (
     "village",
     "forest",
 )
+#: What `mixed` draws from besides, and on how many of its roads.
+_MIXED_TOO, _SHARE_TOO = ("repainted", "lookalikes", "overpass", "tunnel"), 0.3
 
 
 def draw_mixed(rng: np.random.Generator, length_m: float) -> RoadLayout:
     """Return any road, or a forest, with stains and the paint of an older generation whatever its kind."""
     kinds = [kind for kind in _MIXED if kind != "roundabout" or length_m <= MOST_RING_M]
-    layout = LAYOUTS[str(rng.choice(kinds))](rng, length_m)
+    # Drawn apart: the roads of the other seeds stay as they were before there were these kinds
+    (apart,) = rng.spawn(1)
+    kind = rng.choice(kinds) if apart.random() >= _SHARE_TOO else apart.choice(_MIXED_TOO)
+    layout = LAYOUTS[str(kind)](rng, length_m)
     road = layout.road
     if road.surface != Material.ASPHALT:
         return layout
     half = min(road.left.width_m, road.right.width_m)
     span = (road.alignment.start_m, road.alignment.end_m)
-    more = [*road_stains(rng, half, span), *older_paint(rng, layout.markings)]
+    # On a road of lookalikes, each thing lies on a place of its own
+    more = [] if layout.lookalikes else [*road_stains(rng, half, span), *older_paint(rng, layout.markings)]
     return replace(layout, stains=(*layout.stains, *more))
 
 
@@ -67,6 +76,10 @@ LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "roundabout": draw_roundabout,
     "village": draw_village,
     "mixed": draw_mixed,
+    "repainted": draw_repainted,
+    "lookalikes": draw_lookalikes,
+    "overpass": draw_overpass,
+    "tunnel": draw_tunnel,
 }
 ROADS = tuple(LAYOUTS)
 #: The roads that most figures of the documentation are about.

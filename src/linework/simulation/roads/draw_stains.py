@@ -29,7 +29,7 @@ def _wheel_tracks(rng: np.random.Generator, half_m: float, span: tuple[float, fl
     return [
         Stain(
             start_m=span[0], end_m=span[1], right_m=q - 0.5 * width, left_m=q + 0.5 * width,
-            shade=shade, soft_m=uniform(rng, 0.1, 0.4),
+            shade=shade, soft_m=uniform(rng, 0.1, 0.4), of="wheel track",
         )
         for lane in (-0.5 * half_m, 0.5 * half_m)
         for q in (lane - 0.75, lane + 0.75)
@@ -44,7 +44,7 @@ def _patches(rng: np.random.Generator, half_m: float, span: tuple[float, float])
         found.append(
             Stain(
                 start_m=s, end_m=min(s + long, span[1]), right_m=q, left_m=min(q + wide, half_m),
-                shade=uniform(rng, 0.6, 1.5),
+                shade=uniform(rng, 0.6, 1.5), of="patch",
             )
         )  # fmt: skip
     return found
@@ -54,19 +54,27 @@ def _tar_seams(rng: np.random.Generator, half_m: float, span: tuple[float, float
     """Return a dark seam of 3 to 10 cm along the middle of the road or a lane, and one across every 20 to 60 m."""
     width, shade = uniform(rng, 0.03, 0.10), uniform(rng, 0.3, 0.7)
     q = uniform(rng, -0.8, 0.8) * half_m
-    along = Stain(start_m=span[0], end_m=span[1], right_m=q, left_m=q + width, shade=shade)
-    return [along, *_across(half_m, np.arange(span[0], span[1], uniform(rng, 20.0, 60.0)), width, shade)]
+    along = Stain(start_m=span[0], end_m=span[1], right_m=q, left_m=q + width, shade=shade, of="tar seam")
+    at = np.arange(span[0], span[1], uniform(rng, 20.0, 60.0))
+    return [along, *_across(half_m, at, width, shade, "tar seam")]
 
 
 def _plates(rng: np.random.Generator, half_m: float, span: tuple[float, float]) -> list[Stain]:
     """Return concrete plates of 4 to 6 m: bright, with dark joints across and along the middle."""
     whole = Stain(
-        start_m=span[0], end_m=span[1], right_m=-half_m, left_m=half_m, shade=uniform(rng, 1.3, 1.7)
+        start_m=span[0],
+        end_m=span[1],
+        right_m=-half_m,
+        left_m=half_m,
+        shade=uniform(rng, 1.3, 1.7),
+        of="plate",
     )
     width, shade = uniform(rng, 0.01, 0.03), uniform(rng, 0.3, 0.6)
-    middle = Stain(start_m=span[0], end_m=span[1], right_m=-0.5 * width, left_m=0.5 * width, shade=shade)
+    middle = Stain(
+        start_m=span[0], end_m=span[1], right_m=-0.5 * width, left_m=0.5 * width, shade=shade, of="joint"
+    )
     every = uniform(rng, 4.0, 6.0)
-    return [whole, middle, *_across(half_m, np.arange(span[0] + 1.0, span[1], every), width, shade)]
+    return [whole, middle, *_across(half_m, np.arange(span[0] + 1.0, span[1], every), width, shade, "joint")]
 
 
 def _wet(rng: np.random.Generator, half_m: float, span: tuple[float, float]) -> list[Stain]:
@@ -79,7 +87,7 @@ def _wet(rng: np.random.Generator, half_m: float, span: tuple[float, float]) -> 
             Stain(
                 start_m=s, end_m=min(s + uniform(rng, 3.0, 25.0), span[1]),
                 right_m=min(sign * inner, sign * half_m), left_m=max(sign * inner, sign * half_m),
-                shade=uniform(rng, 0.25, 0.6), soft_m=uniform(rng, 0.2, 0.8),
+                shade=uniform(rng, 0.25, 0.6), soft_m=uniform(rng, 0.2, 0.8), of="wet place",
             )
         )  # fmt: skip
     return found
@@ -92,11 +100,15 @@ def _covers(rng: np.random.Generator, half_m: float, span: tuple[float, float]) 
     for s in np.arange(span[0] + uniform(rng, 1.0, 10.0), span[1] - 1.0, uniform(rng, 15.0, 50.0)):
         a, b = float(s), q + uniform(rng, -0.1, 0.1)
         found += [
-            Stain(start_m=a, end_m=a + 0.8, right_m=b - 0.4, left_m=b + 0.4, shade=uniform(rng, 1.3, 2.0)),
             Stain(
-                start_m=a + 0.1, end_m=a + 0.7, right_m=b - 0.3, left_m=b + 0.3, shade=uniform(rng, 0.3, 0.6)
+                start_m=a, end_m=a + 0.8, right_m=b - 0.4, left_m=b + 0.4,
+                shade=uniform(rng, 1.3, 2.0), of="cover",
             ),
-        ]
+            Stain(
+                start_m=a + 0.1, end_m=a + 0.7, right_m=b - 0.3, left_m=b + 0.3,
+                shade=uniform(rng, 0.3, 0.6), of="cover",
+            ),
+        ]  # fmt: skip
     return found
 
 
@@ -104,7 +116,7 @@ def _studs(rng: np.random.Generator, half_m: float, span: tuple[float, float]) -
     """Return bright studs of 10 cm every 6 to 18 m along a line: reflectors, no paint."""
     q = float(rng.choice([-0.9, 0.0, 0.9])) * half_m
     return [
-        Stain(start_m=float(s), end_m=float(s) + 0.1, right_m=q - 0.05, left_m=q + 0.05, shade=5.0)
+        Stain(start_m=float(s), end_m=float(s) + 0.1, right_m=q - 0.05, left_m=q + 0.05, shade=5.0, of="stud")
         for s in np.arange(span[0] + 1.0, span[1] - 1.0, uniform(rng, 6.0, 18.0))
     ]
 
@@ -115,13 +127,16 @@ def _cycle_lane(rng: np.random.Generator, half_m: float, span: tuple[float, floa
     a, b = sorted((sign * half_m, sign * (half_m - width)))
     s = sorted(uniform(rng, *span) for _ in range(2))
     return [
-        Stain(start_m=s[0], end_m=max(s[1], s[0] + 10.0), right_m=a, left_m=b, shade=uniform(rng, 1.2, 1.8))
-    ]
+        Stain(
+            start_m=s[0], end_m=max(s[1], s[0] + 10.0), right_m=a, left_m=b,
+            shade=uniform(rng, 1.2, 1.8), of="cycle lane",
+        )
+    ]  # fmt: skip
 
 
-def _across(half_m: float, at: FloatArray, width_m: float, shade: float) -> list[Stain]:
+def _across(half_m: float, at: FloatArray, width_m: float, shade: float, of: str) -> list[Stain]:
     return [
-        Stain(start_m=float(s), end_m=float(s) + width_m, right_m=-half_m, left_m=half_m, shade=shade)
+        Stain(start_m=float(s), end_m=float(s) + width_m, right_m=-half_m, left_m=half_m, shade=shade, of=of)
         for s in at
     ]
 
@@ -151,6 +166,10 @@ def older_paint(rng: np.random.Generator, markings: Sequence[Marking]) -> list[S
         while at < m.end_m - 1.0:
             end = min(at + uniform(rng, 0.5, 4.0), m.end_m)
             shade = uniform(rng, 0.7, 1.25)
-            found.append(Stain(start_m=at, end_m=end, right_m=q - 0.06, left_m=q + 0.06, shade=shade))
+            found.append(
+                Stain(
+                    start_m=at, end_m=end, right_m=q - 0.06, left_m=q + 0.06, shade=shade, of="scraped line"
+                )
+            )
             at = end + uniform(rng, 0.0, 1.5)
     return found

@@ -88,13 +88,21 @@ def _edge_stones(rng: np.random.Generator, q: float, span: tuple[float, float]) 
         a, b = sorted((q, q + sign * 0.15))
         found.append(
             Stain(
-                start_m=span[0], end_m=span[1], right_m=a, left_m=b, shade=uniform(rng, 1.3, 2.2), soft_m=0.01
+                start_m=span[0],
+                end_m=span[1],
+                right_m=a,
+                left_m=b,
+                shade=uniform(rng, 1.3, 2.2),
+                soft_m=0.01,
+                of="kerb stone",
             )
         )
     if rng.random() < 0.5:
         a, b = sorted((q, q - sign * uniform(rng, 0.15, 0.5)))
         shade = uniform(rng, 1.3, 2.2) if rng.random() < 0.7 else uniform(rng, 0.5, 0.8)
-        found.append(Stain(start_m=span[0], end_m=span[1], right_m=a, left_m=b, shade=shade, soft_m=0.01))
+        found.append(
+            Stain(start_m=span[0], end_m=span[1], right_m=a, left_m=b, shade=shade, soft_m=0.01, of="gutter")
+        )
     return found
 
 
@@ -119,7 +127,15 @@ def _tram(rng: np.random.Generator, half: float, span: tuple[float, float]) -> l
         for a, b, value in ((inner, inner + sign * 0.06, shade), (inner - sign * 0.04, inner, 0.4)):
             right, left = sorted((a, b))
             found.append(
-                Stain(start_m=span[0], end_m=span[1], right_m=right, left_m=left, shade=value, soft_m=0.01)
+                Stain(
+                    start_m=span[0],
+                    end_m=span[1],
+                    right_m=right,
+                    left_m=left,
+                    shade=value,
+                    soft_m=0.01,
+                    of="tram rail",
+                )
             )
     return found
 
@@ -132,7 +148,7 @@ def _cobbles(rng: np.random.Generator, half: float, span: tuple[float, float]) -
     return [
         Stain(
             start_m=float(s), end_m=float(s) + every - 0.02, right_m=-half, left_m=half,
-            shade=shade * uniform(rng, 0.9, 1.1), soft_m=0.01,
+            shade=shade * uniform(rng, 0.9, 1.1), soft_m=0.01, of="cobbles",
         )
         for s in np.arange(start, end, every)
     ]  # fmt: skip

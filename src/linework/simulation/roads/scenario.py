@@ -16,7 +16,8 @@ from linework.simulation.sensors.heads import Head
 class Marking:
     """A painted line. Dashes start at `start_m`; `wear` is the share of the paint that is gone.
 
-    `shift_m` is added to the offset `q_m`, as a function of chainage: a line along a lane that begins or ends.
+    `shift_m` is added to the offset `q_m`, as a function of chainage: a line along a lane that begins or ends. With
+    several generations of paint, the `generation` is "older", not in force but still seen, or "temporary".
     """
 
     q_m: float
@@ -30,6 +31,7 @@ class Marking:
     double: bool = False
     wear: float = 0.0
     shift_m: PiecewiseLinear | None = None
+    generation: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,8 @@ class Island:
 class Stain:
     """A rectangle of ground that is `shade` times as bright, fading at its edges over `soft_m`: no paint, no truth.
 
-    Wheel tracks, patches, tar seams, wet places, joints, manhole covers, kerb stones, what is left of old paint.
+    `of` says what it is: wheel tracks, patches, tar seams, wet places, joints, manhole covers, kerb stones, what is
+    left of old paint.
     """
 
     start_m: float
@@ -71,6 +74,20 @@ class Stain:
     left_m: float
     shade: float
     soft_m: float = 0.02
+    of: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lookalike:
+    """A place on the road, free of all else, that looks like `of`; `is_so`: it is that. `has_line`: there is a true line."""
+
+    of: str
+    is_so: bool
+    has_line: bool
+    start_m: float
+    end_m: float
+    right_m: float
+    left_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,6 +242,18 @@ class Bridge:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Tunnel:
+    """A tube around the road: upright walls at `right_m` and `left_m`, up to `wall_m`, and a vault of `rise_m` on them."""
+
+    start_m: float
+    end_m: float
+    right_m: float
+    left_m: float
+    wall_m: float
+    rise_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gantry:
     """A sign gantry over the road from offset `right_m` to `left_m`: four straight chords and a panel."""
 
@@ -329,7 +358,7 @@ class RoadLayout:
 
     `lanes` are the (offset, direction) the van may drive; `far_edges_m` are offsets of further pavement
     edges: a motorway's other carriageway; `closed_m` are (start, end, right, left) of pavement that paint closes to
-    traffic.
+    traffic. `over` are the roads that bridges carry over this one: their chainages are not those of any other.
     """
 
     road: Road
@@ -353,6 +382,19 @@ class RoadLayout:
     houses: tuple[House, ...] = ()
     islands: tuple[Island, ...] = ()
     closed_m: tuple[tuple[float, float, float, float], ...] = ()
+    tunnels: tuple[Tunnel, ...] = ()
+    lookalikes: tuple[Lookalike, ...] = ()
+    over: tuple[RoadLayout, ...] = ()
+
+    @property
+    def all_markings(self) -> tuple[Marking, ...]:
+        """The markings of this road and of those over it."""
+        return sum((road.all_markings for road in self.over), self.markings)
+
+    @property
+    def all_stains(self) -> tuple[Stain, ...]:
+        """The stains of this road and of those over it."""
+        return sum((road.all_stains for road in self.over), self.stains)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

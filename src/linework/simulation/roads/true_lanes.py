@@ -10,7 +10,7 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.simulation.roads.alignment import widening
 from linework.simulation.roads.road import Road
-from linework.simulation.roads.scenario import Marking, Scenario, Symbol
+from linework.simulation.roads.scenario import Marking, RoadLayout, Scenario, Symbol
 from linework.simulation.scene.ground import dash_ends
 from linework.simulation.scene.materials import Material
 
@@ -50,11 +50,23 @@ def true_lanes(scenario: Scenario, *, most_m: float) -> TrueLanes:
     most_m
         Width from which two rows of vehicles have room, so that a space is no single lane. [m]
     """
-    road, layout = scenario.layout.road, scenario.layout
+    rows = _rows(scenario.layout, (0.0, scenario.length_m), most_m)
+    for over in scenario.layout.over:
+        rows += _rows(over, (over.road.alignment.start_m, over.road.alignment.end_m), most_m)
+    origin = np.asarray(scenario.origin_m)
+    right, left = (np.array([row[i] for row in rows]).reshape(-1, 3) + origin for i in (0, 1))
+    return TrueLanes(right, left)
+
+
+def _rows(
+    layout: RoadLayout, span: tuple[float, float], most_m: float
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return right and left of the lanes of one road, place by place."""
+    road = layout.road
     rows: list[tuple[FloatArray, FloatArray]] = []
     if road.surface == Material.ASPHALT:
-        for s in np.arange(0.0, scenario.length_m + 1e-6, LANE_STEP_M).tolist():
-            bounds = _bounds(scenario, s)
+        for s in np.arange(span[0], span[1] + 1e-6, LANE_STEP_M).tolist():
+            bounds = _bounds(layout, s)
             for (right, right_role), (left, left_role) in pairwise(bounds):
                 is_paint = [bool(right_role), bool(left_role)]
                 if not any(is_paint) or (not all(is_paint) and "edge" in (right_role, left_role)):
@@ -66,18 +78,16 @@ def true_lanes(scenario: Scenario, *, most_m: float) -> TrueLanes:
                     rows.append((road.on_ground(s, right), road.on_ground(s, left)))
         for symbol in layout.symbols:
             rows += _side_street(road, symbol, most_m) if symbol.role else []
-    origin = np.asarray(scenario.origin_m)
-    right, left = (np.array([row[i] for row in rows]).reshape(-1, 3) + origin for i in (0, 1))
-    return TrueLanes(right, left)
+    return rows
 
 
-def _bounds(scenario: Scenario, s: float) -> list[tuple[float, str]]:
-    """Return offset and role of the markings and of the pavement's edges ("") at a chainage, from right to left."""
-    layout, road = scenario.layout, scenario.layout.road
+def _bounds(layout: RoadLayout, s: float) -> list[tuple[float, str]]:
+    """Return offset and role of the markings in force and of the pavement's edges ("") at a chainage, from right to left."""
+    road = layout.road
     found = []
     for m in layout.markings:
         start, end = _painted_span(m)
-        if start <= s <= end:
+        if start <= s <= end and not (m.generation == "older" and _is_replaced(layout, s)):
             found.append((m.q_m + (float(m.shift_m(s)) if m.shift_m is not None else 0.0), m.role))
     at = np.array([s])
     for sign in (1, -1):
@@ -86,6 +96,11 @@ def _bounds(scenario: Scenario, s: float) -> list[tuple[float, str]]:
             found.append((sign * (side.width_m + float(side.extra_m(s))), ""))
     found += [(q, "") for q in layout.far_edges_m]
     return sorted(found)
+
+
+def _is_replaced(layout: RoadLayout, s: float) -> bool:
+    """Return whether there are newer lines than the older ones at a chainage."""
+    return any(m.start_m <= s <= m.end_m for m in layout.markings if m.generation != "older")
 
 
 def _painted_span(marking: Marking) -> tuple[float, float]:

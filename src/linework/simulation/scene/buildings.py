@@ -11,7 +11,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.simulation.roads.road import Road
-from linework.simulation.roads.scenario import Bridge, Car, Gantry, Hedge, House, Plant, Wall
+from linework.simulation.roads.scenario import Bridge, Car, Gantry, Hedge, House, Plant, Tunnel, Wall
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.meshes import Mesh, boxes, columns, flakes, joined_meshes, prism, sheet
 from linework.simulation.scene.part import Part
@@ -64,6 +64,50 @@ def bridge(road: Road, spec: Bridge) -> Part:
         ]
     )
     return Part((deck, columns(feet, spec.clearance_m + 1.0, 0.45, Material.CONCRETE)))
+
+
+#: Thickness of the deck of a road bridge, and of the lining of a tunnel with the earth on it. [m]
+_DECK_M, _LINING_M = 1.0, 2.0
+
+
+def deck(road: Road) -> Part:
+    """Return what carries a road over another: the underside of a deck as wide as road and footways, and its edges."""
+    s = road.stations_m
+    out = np.array([-1.0, -1.0, 1.0, 1.0])
+    edge = np.where(out < 0.0, road.right.width_m + road.right.reach_m, road.left.width_m + road.left.reach_m)
+    q = np.broadcast_to(out * edge, (len(s), 4))
+    along = np.broadcast_to(s[:, None], q.shape)
+    down = np.array([0.0, _DECK_M, _DECK_M, 0.0])
+    return Part((sheet(road.place(along, q, road.ground_height(along, q) - down), Material.CONCRETE),))
+
+
+def tunnel(road: Road, spec: Tunnel) -> Part:
+    """Return walls and vault of a tunnel, its portals, and the land on top of it."""
+    s = road.stations_between(spec.start_m, spec.end_m)
+    middle, half = 0.5 * (spec.left_m + spec.right_m), 0.5 * (spec.left_m - spec.right_m)
+    turn = np.linspace(0.0, np.pi, 13)
+    q = middle + half * np.concatenate([[1.0], np.cos(turn), [-1.0]])
+    up = np.concatenate([[-0.1], spec.wall_m + spec.rise_m * np.sin(turn), [-0.1]])
+    level = road.alignment.height(s)[:, None]
+    tube = road.place(s[:, None], q[None], level + up[None])
+    # The land on top reaches as far as that beside the road; a portal is the wall between both
+    wide = (road.left.width_m + road.left.reach_m, -road.right.width_m - road.right.reach_m)
+    top = level + spec.wall_m + spec.rise_m + _LINING_M
+    # Down to the land beside it at its edges
+    q_top = np.concatenate([wide[:1], np.linspace(wide[0], wide[1], 13), wide[1:]])
+    down = np.concatenate([[1.0], np.zeros(13), [1.0]]) * (top - level)
+    q_top = np.broadcast_to(q_top, (len(s), len(q_top)))
+    place = np.stack([np.broadcast_to(s[:, None], q_top.shape), q_top], axis=-1).reshape(-1, 2)
+    land = sheet(road.place(s[:, None], q_top, top - down), Material.GRASS).on_road(place)
+    meshes = [sheet(tube, Material.CONCRETE), land]
+    for at, arch in ((s[0], up), (s[-1], up)):
+        base = float(road.alignment.height(at))
+        outline = np.concatenate([[wide[0]], q, [wide[1]]])
+        low = base + np.concatenate([[-0.1], arch, [-0.1]])
+        high = np.full(len(low), base + spec.wall_m + spec.rise_m + _LINING_M)
+        rows = road.place(at, np.stack([outline, outline], axis=1), np.stack([low, high], axis=1))
+        meshes.append(sheet(rows, Material.CONCRETE))
+    return Part(tuple(meshes))
 
 
 def gantry(road: Road, spec: Gantry) -> Part:

@@ -228,4 +228,5 @@ def _painted(road: Road, marking: Marking, start: float, end: float) -> TruthLin
         pattern=marking.pattern,
         double=marking.double,
         width_m=marking.width_m,
+        note=marking.generation,
     )

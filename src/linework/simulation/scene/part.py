@@ -27,6 +27,7 @@ class TruthLine:
     network: str = ""
     circuit: str = ""
     span: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,7 +13,7 @@ from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.tracking.times import times_near
 from linework.model.lines import KINDS, POLE, LineSet
 from linework.simulation.roads.scenario import Scenario
-from linework.simulation.scene.buildings import bridge, car, gantry, hedge, house, plant, wall
+from linework.simulation.scene.buildings import bridge, car, deck, gantry, hedge, house, plant, tunnel, wall
 from linework.simulation.scene.ground import boundary_truth, ground, island, marking_truth, symbol_truth
 from linework.simulation.scene.materials import GROUND, Material
 from linework.simulation.scene.part import Part, Scene, TruthLine, assemble_scene
@@ -27,6 +28,7 @@ def build_scene(scenario: Scenario) -> Scene:
 
 def _parts(scenario: Scenario) -> Iterator[Part]:
     layout, road = scenario.layout, scenario.layout.road
+    yield from (part for over in layout.over for part in _bridge_road(replace(scenario, layout=over)))
     yield ground(road)
     yield boundary_truth(road, layout.far_edges_m)
     yield from (island(road, i) for i in layout.islands)
@@ -41,11 +43,18 @@ def _parts(scenario: Scenario) -> Iterator[Part]:
     yield from (house(road, h) for h in layout.houses)
     yield from (bridge(road, b) for b in layout.bridges)
     yield from (gantry(road, g) for g in layout.gantries)
+    yield from (tunnel(road, t) for t in layout.tunnels)
     yield from (car(road, c) for c in layout.cars)
     for i, h in enumerate(layout.hedges):
         yield hedge(road, h, np.random.default_rng([scenario.seed, 11, i]))
     for i, p in enumerate(layout.plants):
         yield plant(road, p, np.random.default_rng([scenario.seed, 12, i]))
+
+
+def _bridge_road(scenario: Scenario) -> Iterator[Part]:
+    """Yield the parts of a road on a bridge, and what carries it."""
+    yield deck(scenario.layout.road)
+    yield from _parts(scenario)
 
 
 # The exact lines of a simulated survey, and which of their vertices the scanners could measure
@@ -97,7 +106,7 @@ def truth_lines(
     columns = {
         name: [getattr(line, name) for line in lines]
         for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m",
-                     "network", "circuit", "span")
+                     "network", "circuit", "span", "note")
     }  # fmt: skip
     return LineSet.from_lines(
         [line.xyz + np.asarray(scenario.origin_m) for line in lines],

@@ -148,7 +148,7 @@ def _reflected(
     reflectance[asphalt] *= pavement_shade(place[asphalt], wide[asphalt], stage.wear)
     layout = view.scenario.layout
     cover = paint_cover(
-        place[asphalt], layout.markings, view.scenario.seed, layout.symbols, edge_m=wide[asphalt]
+        place[asphalt], layout.all_markings, view.scenario.seed, layout.symbols, edge_m=wide[asphalt]
     )
     paint = look.asphalt * look.contrast * (0.5 + 0.5 * shade[asphalt])
     reflectance[asphalt] += cover * (paint - reflectance[asphalt])

@@ -91,8 +91,8 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
     patch = smooth_noise(place[:, 0] / 12.0, place[:, 1] / 2.5, scenario.seed + 102)
     texture = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
     reflectance[on_ground] *= texture
-    if scenario.layout.stains:
-        reflectance[on_ground] *= stain_shade(place, scenario.layout.stains)
+    if stains := scenario.layout.all_stains:
+        reflectance[on_ground] *= stain_shade(place, stains)
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
     cover = _cover(scenario, hits.take(on_asphalt))
     paint = LASER_REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
@@ -103,10 +103,10 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
 def _cover(scenario: Scenario, hits: Hits) -> FloatArray:
     """Return the share of each footprint on asphalt that is painted."""
     layout = scenario.layout
-    place = hits.chainage_offset
+    place, markings = hits.chainage_offset, layout.all_markings
     wide = np.array([head.divergence_rad for head in scenario.scanners])
     if not wide.any():
-        return paint_cover(place, layout.markings, scenario.seed, layout.symbols)
+        return paint_cover(place, markings, scenario.seed, layout.symbols)
     n_beams = np.array([head.n_beams for head in scenario.scanners])
     radius = 0.5 * np.repeat(wide, n_beams)[hits.beam] * hits.range_m
     cover = np.zeros(len(hits))
@@ -114,7 +114,7 @@ def _cover(scenario: Scenario, hits: Hits) -> FloatArray:
     steps = [(0.0, 0.0), *((r, a) for r in (0.55, 0.85) for a in np.arange(6) * np.pi / 3.0 + r)]
     for share, around in steps:
         off = (share * radius)[:, None] * np.array([np.cos(around), np.sin(around)])
-        cover += paint_cover(place + off, layout.markings, scenario.seed, layout.symbols)
+        cover += paint_cover(place + off, markings, scenario.seed, layout.symbols)
     return np.asarray(cover / len(steps))
 
 
