@@ -23,8 +23,8 @@ from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import open_input
 from linework.files.vectors.fields import DISAGREEMENT, HANGING, REVIEWED, field_values, vertex_columns
 from linework.files.vectors.gdal import foreign_lines
-from linework.files.vectors.pole_points import feature_shapes, is_point, upright
 from linework.files.vectors.gpkg import null_if_empty
+from linework.files.vectors.pole_points import feature_shapes, is_point, upright
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values
 
