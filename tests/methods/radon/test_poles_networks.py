@@ -87,7 +87,9 @@ def test_nothing_hangs_nowhere():
 def upright(x, y, top_m, rng, n=250, radius_m=0.12):
     """Return points on the side of a column that faces the scanner, which is to the south."""
     turn = rng.uniform(-np.pi, 0.0, n)
-    ring = np.column_stack([x + radius_m * np.cos(turn), y + radius_m * np.sin(turn), rng.uniform(0.0, top_m, n)])
+    ring = np.column_stack(
+        [x + radius_m * np.cos(turn), y + radius_m * np.sin(turn), rng.uniform(0.0, top_m, n)]
+    )
     return ring + rng.normal(0.0, 0.005, ring.shape)
 
 
@@ -123,7 +125,9 @@ def test_what_is_met_but_not_seen_is_less_sure():
 def test_a_crown_and_a_wall_are_no_poles():
     rng = np.random.default_rng(6)
     wires = lines_of([span((*POLES[0], z), (*POLES[1], z)) for z in LEVELS])
-    crown = np.column_stack([rng.normal(0.0, 0.8, 4000), rng.normal(0.0, 0.8, 4000), rng.uniform(0.0, 9.0, 4000)])
+    crown = np.column_stack(
+        [rng.normal(0.0, 0.8, 4000), rng.normal(0.0, 0.8, 4000), rng.uniform(0.0, 9.0, 4000)]
+    )
     wall = np.column_stack([np.full(4000, 40.0), rng.uniform(-2.0, 8.0, 4000), rng.uniform(0.0, 9.0, 4000)])
     assert len(found_poles([crown, wall], wires)) == 0
     trunk = upright(*POLES[0], 9.0, rng)

@@ -33,7 +33,7 @@ from linework.files.vectors.fields import REJECTED_LAYER, REVIEWED, TABLES, laye
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.gpkg import VERTEX_TABLE, roll_back
 from linework.files.vectors.gpkg_guard import ForeignSchemaError, check_geopackage
-from linework.model.lines import LineSet
+from linework.model.lines import POLE, LineSet
 
 
 def added_by_others(path: Path) -> list[str]:
@@ -48,7 +48,7 @@ def added_by_others(path: Path) -> list[str]:
         with contextlib.closing(connect_database(path)) as db:
             if not columns_of(db, VERTEX_TABLE):
                 return []
-            own = {*TABLES, REJECTED_LAYER, "edit_key", "photolog", "event", *line_layers(db)}
+            own = {*TABLES, REJECTED_LAYER, "edit_key", "photolog", "event", POLE, *line_layers(db)}
             tables = [
                 str(name) for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
             ]

@@ -272,6 +272,19 @@ def _own_lines(path: Path) -> LineSet | None:
     )
 
 
+def read_poles(path: Path) -> LineSet:
+    """Return the poles of a GeoPackage that `write_gpkg` made, which line files leave as they are.
+
+    Raises
+    ------
+    InputError
+        Not readable.
+    """
+    with reading_with_gdal(path) as source:
+        found = _own_poles(source)
+    return LineSet.empty() if found is None else found
+
+
 def _own_poles(path: Path) -> LineSet | None:
     """Return the poles of a GeoPackage, whose sigmas are those of both their vertices; None without their layer."""
     if (POLE, "Point Z") not in [(str(name), str(kind)) for name, kind in pyogrio.list_layers(path)]:

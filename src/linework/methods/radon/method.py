@@ -153,8 +153,9 @@ class CableMethod:
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = CABLE_KINDS
     name: str = "radon"
-    #: The tile whose core holds the middle of a span of up to 400 m has all of its points.
-    buffer_m: float = 200.0
+    #: The tile whose core holds the middle of a span of up to 600 m has all of its points, and the 60 m of the next that
+    #: its supports follow from.
+    buffer_m: float = 360.0
     #: From this height on, what stands below a wire counts as its surroundings; cars, rails and grass do not.
     least_height_m: float = 1.5
     find_peaks: PeakFinder | None = None
@@ -204,7 +205,7 @@ class Radon:
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = (*RAIL_KINDS, *CABLE_KINDS)
     name: str = "radon"
-    buffer_m: float = 200.0
+    buffer_m: float = 360.0
     least_height_m: float = -math.inf
     find_peaks: PeakFinder | None = None
 

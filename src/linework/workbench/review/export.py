@@ -23,6 +23,7 @@ from linework.files.input import read_input_text
 from linework.files.line_file.file import LineFile
 from linework.files.output.publish import publish
 from linework.files.vectors.cad_codes import codes_of_lines, read_cad_codes
+from linework.files.vectors.gpkg import read_poles
 from linework.files.vectors.lane_layer import check_lanes
 from linework.files.vectors.point_layers import read_point_layers
 from linework.files.vectors.read_write import not_expressed, points_left_out, write_lines
@@ -148,6 +149,11 @@ def exported(line_file: LineFile, order: ExportOrder) -> tuple[str, bytes, list[
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{line_file.path.stem}.{order.format}"
         points = read_point_layers(line_file.path)
+        if order.ids is None and "cable" in lines.kind:
+            # Poles are not edited: those of the file, of the networks that are exported
+            poles = read_poles(line_file.path)
+            own = np.isin(poles.network, lines.network[lines.kind == "cable"])
+            lines = LineSet.concatenate([lines, poles.take(own).with_columns(crs=lines.crs)])
         try:
             check_lanes(path, lanes=order.lanes, location=order.location)
         except UsageError as error:
