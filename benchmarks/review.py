@@ -100,7 +100,7 @@ def reviewed(road, seed, folder, options, proposals):
         dismissed = Dismissed()
         while user.left > 0:
             settled = dismissed.keys(line_file)
-            items = [s for s in suspects_in_worker(table, line_file.lines) if s.key not in settled]
+            items = [s for s in suspects_in_worker(table, line_file.lines, settled) if s.key not in settled]
             if not items:
                 break
             user.settle(items[0])

@@ -82,6 +82,14 @@ def test_a_line_of_three_is_queued_once_and_no_copy_is_accepted_unseen():
     assert set(sure) == {"line 0", "line 1", "line 2"} - set(copies)
 
 
+def test_a_line_that_was_no_copy_is_a_line_like_any_other():
+    lines = both(line(id=["a"], confidence=[0.99]), line(0.1, id=["b"], confidence=[0.98]))
+    path, everywhere = DrivenPath.of(np.zeros((0, 3))), lambda xy: np.ones(len(xy), dtype=bool)
+    (copy,) = [item for item in suspects(lines, path, everywhere) if item.type == "copy"]
+    items = suspects(lines, path, everywhere, dismissed={copy.key})
+    assert [(item.type, set(item.ids)) for item in items] == [("sure", {"a", "b"})]
+
+
 def test_the_order_of_lines_does_not_matter():
     lines = both(*(line(0.1 * k, id=[f"line {k}"], confidence=[0.9 - 0.1 * k]) for k in range(3)))
     turned = lines.take([2, 0, 1])

@@ -48,9 +48,9 @@ class Counting:
     def __init__(self):
         self.n = 0
 
-    async def __call__(self, lines):
+    async def __call__(self, lines, dismissed):
         self.n += 1
-        return suspects(lines, DrivenPath.of(PATH), everywhere)
+        return suspects(lines, DrivenPath.of(PATH), everywhere, dismissed=dismissed)
 
 
 def keys(queue):

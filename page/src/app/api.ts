@@ -1,7 +1,7 @@
 // The server's routes, one function each, and its two WebSockets. Same origin only; the session is a cookie.
 
 import type {
-  Changed, Edit, EditRecord, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair, PairLines, Place,
+  Changed, Edit, EditRecord, Evidence, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair, PairLines, Place,
   Problem, QueueItem, SearchArea, Survey,
 } from "./documents";
 
@@ -46,6 +46,10 @@ export const undo = () => sendJson<Changed>("POST", "/api/undo");
 export const redo = () => sendJson<Changed>("POST", "/api/redo");
 export const history = () => getJson<EditRecord[]>("/api/history");
 export const queue = () => getJson<QueueItem[]>("/api/queue");
+export const evidence = (kind: string, [east, north]: Place, line: string, beyond: boolean) =>
+  getJson<Evidence>(
+    `/api/evidence?kind=${encodeURIComponent(kind)}&east=${east}&north=${north}&line=${encodeURIComponent(line)}&beyond=${beyond}`,
+  );
 export const heights = (kind: string, places: Place[]) =>
   sendJson<{ heights: (number | null)[] }>("POST", "/api/heights", { kind, places });
 
@@ -87,6 +91,12 @@ export async function section(
 ): Promise<Points> {
   const query = `east=${at[0]}&north=${at[1]}&heading_deg=${heading_deg}&half_width_m=${half_width_m}&thickness_m=${thickness_m}`;
   return unpackPoints(await (await request(`/api/section?${query}`)).arrayBuffer());
+}
+
+// Points along a stretch of a line, or without one of the van's path: x the chainage from `origin`, y the offset to the right
+export async function straightened(line: string, from_m: number, to_m: number, half_width_m: number): Promise<Points> {
+  const query = `line=${encodeURIComponent(line)}&from_m=${from_m}&to_m=${to_m}&half_width_m=${half_width_m}`;
+  return unpackPoints(await (await request(`/api/straightened?${query}`)).arrayBuffer());
 }
 
 export interface ExportOrder {

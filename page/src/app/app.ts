@@ -2,7 +2,7 @@
 
 import * as api from "./api";
 import { Keyboard } from "../controls/keyboard";
-import type { Changed, Edit, FollowMessage, Job, Line, Place, Survey } from "./documents";
+import type { Changed, Edit, FollowMessage, Job, Line, Place, QueueItem, Survey } from "./documents";
 import { type Limits, LineFilter } from "./filter";
 import { Following, type Growth } from "./following";
 import { Outbox } from "./outbox";
@@ -12,6 +12,7 @@ export interface Events {
   selection: string[]; // ids of the selected lines
   filter: Limits; // other lines are shown
   reverted: Line[]; // lines that an undo or redo brought back
+  item: QueueItem | null; // the queue looks at it
   look: { at: Place; by: string }; // a pane (its name) moved to a place: the others follow
   cursor: { at: Place; by: string } | null; // the mouse, in world coordinates
   tool: Tool;

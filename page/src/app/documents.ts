@@ -124,6 +124,28 @@ export interface QueueItem {
   proposal: Edit | null; // the edit that would resolve it, if a single one would
 }
 
+// What the points show of an item; places are [offset or chainage, value]
+export interface Across {
+  label: string;
+  points: Run[];
+  bins: Run[];
+  fit: Run[];
+  residuals: Run[];
+  middle: Run | null; // of what stands or hangs
+}
+
+export interface Along {
+  label: string;
+  values: Run[];
+  stretch: Run;
+}
+
+export interface Evidence {
+  across: Across | null;
+  along: Along | null;
+  facts: [name: string, value: string][];
+}
+
 export interface EditRecord {
   number: number;
   time_utc: string;

@@ -1,4 +1,4 @@
-// The keyboard shortcuts: one table that runs them, labels the buttons and fills the help dialog.
+// The keyboard shortcuts: one table that runs them, labels the buttons and fills the help.
 
 import { element } from "./element";
 
@@ -10,13 +10,15 @@ export interface KeyBinding {
   run: () => void;
 }
 
-const SHOWN: Record<string, string> = { " ": "Space", Escape: "Esc", Delete: "Del" };
+const SHOWN: Record<string, string> = {
+  " ": "Space", Escape: "Esc", Delete: "Del", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", PageUp: "Page ↑", PageDown: "Page ↓",
+};
 
 // The name of a key event, such as "Ctrl+Shift+z"; "Shift" only where the character does not imply it
 export function nameOf(event: KeyboardEvent): string {
   const letter = event.key.length === 1;
   const key = letter ? event.key.toLowerCase() : event.key;
-  const shift = event.shiftKey && (!letter || /[a-z]/.test(key));
+  const shift = event.shiftKey && (!letter || /[a-z ]/.test(key));
   return `${event.ctrlKey || event.metaKey ? "Ctrl+" : ""}${event.altKey ? "Alt+" : ""}${shift ? "Shift+" : ""}${key}`;
 }
 
@@ -52,8 +54,8 @@ export class Keyboard {
       keys.includes(name) && (only?.includes(group) ?? true) && (when?.() ?? true);
     const found = this.bindings.find(isActive);
     if (found === undefined) return;
-    // Space and Enter press a focused button; every other key means the same everywhere
-    const focused = event.target instanceof HTMLElement && event.target.closest("button, a, summary, [role=tab]");
+    // Space and Enter press a focused button, except the tab that is shown; every other key means the same everywhere
+    const focused = event.target instanceof HTMLElement && event.target.closest("button:not([aria-selected=true]), a, summary");
     if (focused && (name === " " || name === "Enter")) return;
     event.preventDefault();
     found.run();
@@ -67,34 +69,4 @@ export function keyButton(
   return element(
     "button", { type: "button", ...attributes, click }, element("span", {}, title), element("kbd", {}, shownKey(key).replace("Shift ", "⇧")),
   );
-}
-
-// The help: all keys by group
-export function helpDialog(keyboard: Keyboard): HTMLDialogElement {
-  const body = element("div", { class: "keys" });
-  const dialog = element("dialog", { class: "help", "aria-label": "Keyboard shortcuts" },
-    element("header", {}, element("h2", {}, "Keyboard shortcuts"), element("button", { type: "button", click: () => dialog.close() }, "Close")),
-    body,
-  );
-  const showModal = dialog.showModal.bind(dialog);
-  // Filled when opened, because panes bind keys after this
-  dialog.showModal = () => {
-    body.replaceChildren(...groupsOf(keyboard));
-    showModal();
-  };
-  dialog.addEventListener("click", (event) => {
-    if (event.target === dialog) dialog.close();
-  });
-  return dialog;
-}
-
-function groupsOf(keyboard: Keyboard): HTMLElement[] {
-  const groups = new Map<string, HTMLElement>();
-  for (const { keys, title, group } of keyboard.bindings) {
-    const list = groups.get(group) ?? element("dl", {});
-    groups.set(group, list);
-    const shown = keys.flatMap((key, i) => [...(i > 0 ? [" "] : []), element("kbd", {}, shownKey(key))]);
-    list.append(element("div", {}, element("dt", {}, ...shown), element("dd", {}, title)));
-  }
-  return [...groups].map(([title, list]) => element("section", {}, element("h3", {}, title), list));
 }

@@ -13,6 +13,7 @@ export class Tabs implements Pane {
   readonly row: HTMLElement;
   private readonly panes = new Map<string, { tab: HTMLButtonElement; pane: Pane }>();
   private shown = "";
+  private isChosen = false; // by the user
 
   constructor(readonly name: string) {
     this.row = element("div", { class: "tabs", role: "tablist", "aria-label": name });
@@ -23,7 +24,7 @@ export class Tabs implements Pane {
 
   add(title: string, pane: Pane): void {
     const id = `pane-${title.toLowerCase().replace(/[^a-z0-9]+/g, "-")}`;
-    const tab = button(title, title, () => this.show(title), { role: "tab", "aria-controls": id });
+    const tab = button(title, title, () => this.choose(title), { role: "tab", "aria-controls": id });
     tab.removeAttribute("title");
     pane.element.id = id;
     pane.element.classList.add("pane");
@@ -33,6 +34,16 @@ export class Tabs implements Pane {
     this.row.append(tab);
     this.element.append(pane.element);
     this.show(this.shown || title);
+  }
+
+  private choose(title: string): void {
+    this.isChosen = true;
+    this.show(title);
+  }
+
+  // Show a pane that something else asks for, unless the user has chosen one
+  offer(title: string): void {
+    if (!this.isChosen && this.panes.has(title)) this.show(title);
   }
 
   show(title: string): void {
@@ -56,7 +67,7 @@ export class Tabs implements Pane {
     const names = [...this.panes.keys()];
     const next = names[(names.indexOf(this.shown) + step + names.length) % names.length];
     if (next === undefined) return;
-    this.show(next);
+    this.choose(next);
     this.panes.get(next)?.tab.focus();
     event.preventDefault();
   }

@@ -40,5 +40,5 @@ export class Measuring {
 }
 
 function signed(value: number): string {
-  return `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(2)}`;
+  return `${value <= -0.005 ? "−" : "+"}${Math.abs(value).toFixed(2)}`;
 }

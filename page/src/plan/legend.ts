@@ -12,7 +12,8 @@ const WIDE_PX = 1600; // in a narrower window the open legend would hide half of
 
 export function legend(app: App, lines: LineLayer, showPath: (visible: boolean) => void): HTMLElement {
   const counts = new Map<string, HTMLElement>();
-  const kinds = app.survey.kinds.map(({ kind }) => kind);
+  // Kinds that a survey without points cannot have are shown once lines have them
+  const kinds = app.survey.kinds.filter(({ picked_in_images }) => app.survey.n_points > 0 || picked_in_images).map(({ kind }) => kind);
   // Surveys with images also have lines extracted from images alone
   const inImages = app.survey.n_pairs > 0 ? ["lane_marking_stereo", "lane_marking_dash_stereo"] : [];
   const rows = [...kinds, ...inImages].map((kind) => kindRow(app, kind, app.title(kind), counts));

@@ -21,13 +21,17 @@ import type { Place } from "../app/documents";
 import { vehiclePath } from "./vehicle-path";
 import { VertexEditing } from "../editing/vertex-editing";
 
+const PAN_PX = 60; // of a press of an arrow key
 const GO_TO_RADIUS_M = 20; // shown around a place that the view is sent to
 
 export class PlanView implements Pane {
   readonly element = element("div", { class: "plan-view" });
   readonly map: OlMap;
   readonly commands: Command[];
-  private readonly target = element("div", { class: "map", tabindex: 0, "aria-label": "Plan view" });
+  private readonly target = element("div", {
+    class: "map", tabindex: 0, role: "application", "aria-roledescription": "map",
+    "aria-label": "Plan view: arrow keys move it, Ctrl Enter clicks in its middle",
+  });
   private readonly lines: LineLayer;
   private readonly selecting: Selecting;
   private readonly measuring: Measuring;
@@ -59,6 +63,7 @@ export class PlanView implements Pane {
       new GrowthCard(app).element,
     );
     bindCommands(app, this.commands);
+    this.bindKeys();
     this.listen();
   }
 
@@ -125,11 +130,35 @@ export class PlanView implements Pane {
     [dataset.state, dataset.tool] = ["ready", app.tool];
   }
 
+  // The plan without a mouse: arrow keys move it, and its middle is clicked
+  private bindKeys(): void {
+    const group = "Plan";
+    const when = () => document.activeElement === this.target;
+    const view = this.map.getView();
+    const middle = (): Place => placeOf(view.getCenter() ?? []);
+    this.app.keyboard.bind({ keys: ["Ctrl+Enter"], title: "Click in the middle of the plan", group, run: () => this.click(middle(), false) });
+    const steps = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] } as const;
+    for (const [key, [right, up]] of Object.entries(steps)) {
+      const move = (by_px: number): void => {
+        const step = by_px * (view.getResolution() ?? 1);
+        const [east, north] = middle();
+        view.setCenter([east + right * step, north + up * step]);
+        this.moved(middle());
+      };
+      const title = `Move the plan ${key.slice("Arrow".length).toLowerCase()} (Shift: by a pixel)`;
+      this.app.keyboard.bind({ keys: [key], title, group, when, run: () => move(PAN_PX) });
+      this.app.keyboard.bind({ keys: [`Shift+${key}`], title: `${title.split(" (")[0]} by a pixel`, group, when, run: () => move(1) });
+    }
+  }
+
   private clicked(event: MapBrowserEvent): void {
-    const place = placeOf(event.coordinate);
-    const { app } = this;
     this.target.focus({ preventScroll: true });
-    if (app.tool === "select") this.selecting.click(place, event.originalEvent.shiftKey);
+    this.click(placeOf(event.coordinate), event.originalEvent.shiftKey);
+  }
+
+  private click(place: Place, withShift: boolean): void {
+    const { app } = this;
+    if (app.tool === "select") this.selecting.click(place, withShift);
     if (app.tool === "follow") void app.following.click(place);
     if (app.tool === "draw") this.drawing.click(place);
     if (app.tool === "measure") void this.measuring.click(place);

@@ -12,7 +12,7 @@ type Column = keyof App["survey"]["choices"];
 
 export class AttributesPane implements Pane {
   readonly element = element("section", { class: "attributes", "aria-label": "Attributes of the selected lines" });
-  private readonly title = element("h2", {});
+  private readonly title = element("h2", { role: "status" });
   private readonly facts = element("dl", { class: "facts" });
   private readonly commandRow = element("div", { class: "commands" });
   private readonly kinds = element("details", { class: "kinds", open: window.innerHeight > SHORT_PX });

@@ -56,7 +56,7 @@ export class LineTable implements Pane {
     this.grid = element("div", {
       class: "grid", role: "grid", "aria-label": "Lines", "aria-multiselectable": "true",
     }, element("div", { role: "rowgroup" }, this.head), this.rows);
-    this.scroll = element("div", { class: "scroll", tabindex: 0, "aria-label": "Table of lines" }, this.grid);
+    this.scroll = element("div", { class: "scroll", role: "region", tabindex: 0, "aria-label": "Table of lines" }, this.grid);
     this.addControls();
     this.status = this.bar.status();
     this.element = element("div", { class: "line-table" }, this.bar.element, this.scroll);

@@ -3,16 +3,12 @@
 import * as api from "../app/api";
 import type { App } from "../app/app";
 import { actionTitle } from "./action-titles";
+import { itemTitle } from "./item-titles";
 import type { Pane } from "../controls/tabs";
 import { element } from "../controls/element";
 import { keyButton } from "../controls/keyboard";
 import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
-
-const TITLES = {
-  line: "Uncertain line", copy: "Measured twice", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", rest: "Other lines",
-  sure: "Nothing to check",
-};
 
 export class QueuePane implements Pane {
   readonly element = element("div", { class: "queue-pane" });
@@ -77,6 +73,7 @@ export class QueuePane implements Pane {
     if (app.following.growth.state === "refused") app.following.cancel(); // of the previous item
     if (app.tool !== "select") app.setTool("select");
     app.select(item.ids);
+    this.app.emit("item", item);
     this.show(item.box);
     this.app.emit("look", { at: item.at, by: "queue" });
   }
@@ -119,6 +116,7 @@ export class QueuePane implements Pane {
     const next = this.items.find(({ key }) => key === after) ?? this.items[Math.max(at, 0)] ?? this.items[0];
     if (next) return this.look(next);
     this.current = "";
+    this.app.emit("item", null);
     this.draw();
   }
 
@@ -145,7 +143,7 @@ export class QueuePane implements Pane {
   }
 
   private row(item: QueueItem): HTMLElement {
-    const what = item.type === "sure" || item.type === "rest" ? TITLES[item.type] : `${TITLES[item.type]}: ${this.app.title(item.kind)}`;
+    const what = itemTitle(this.app, item);
     const swatch = element("span", { class: "swatch" });
     swatch.style.backgroundColor = this.app.colour(item.kind);
     const row = element("button", { type: "button", class: "item", "data-key": item.key, click: () => this.look(item) },

@@ -71,7 +71,7 @@ export class SectionDrag {
     const { node } = this;
     if (!node) return "";
     const road = points && roadAt(points, node.x);
-    const above = road === null ? "" : `, ${(node.z - road).toFixed(3)} m above the road`;
+    const above = road === null ? "" : `, ${signed(node.z - road)} m from the road`;
     const moved = `moved ${signed(node.x - node.from.x)} m across, ${signed(node.z - node.from.z)} m up`;
     return `${title(node.line.kind)}: offset ${signed(node.x)} m${above}; ${moved}`;
   }
@@ -92,4 +92,5 @@ export function nodeAt(
 export const sameNode = (a: SectionNode, b: SectionNode): boolean =>
   a.line.id === b.line.id && a.after === b.after && a.vertex === b.vertex;
 
-const signed = (value: number): string => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(3)}`;
+// What rounds to nothing has no minus
+const signed = (value: number): string => `${value <= -0.0005 ? "−" : "+"}${Math.abs(value).toFixed(3)}`;

@@ -42,7 +42,7 @@ function remarkOf(node: SectionNode, nodes: readonly SectionNode[], above_m: num
   if (node.line.kind === "kerb_top") {
     const feet = nodes.filter((other) => other.line.kind === "road_boundary" && Math.abs(other.x - node.x) < 0.6);
     const foot = feet.sort((a, b) => Math.abs(a.x - node.x) - Math.abs(b.x - node.x))[0];
-    return foot ? `kerb ${(node.z - foot.z).toFixed(3)} m` : "";
+    return foot ? `kerb ${fixed(node.z - foot.z)} m` : "";
   }
   if (above_m === null) return "";
   if (["guardrail", "barrier", "fence"].includes(node.line.kind)) return `rail ${above_m.toFixed(2)} m`;
@@ -71,7 +71,14 @@ function rowOf(reading: Reading, app: App): HTMLTableRowElement {
     {
       "data-id": reading.id,
       class: app.selection.includes(reading.id) ? "chosen" : "",
+      tabindex: 0,
+      "aria-label": [title, ...cells].filter(Boolean).join(", "),
       click: () => app.select([reading.id]),
+      keydown: (event) => {
+        if ((event as KeyboardEvent).key !== "Enter") return;
+        app.select([reading.id]);
+        event.stopPropagation();
+      },
     },
     element("td", {}, swatch, title),
     ...cells.map((text) => element("td", {}, text)),

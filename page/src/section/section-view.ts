@@ -25,7 +25,7 @@ const THICKNESS_M = { value: 0.3, min: 0.05, max: 5, step: 0.05 };
 
 export class SectionView implements Pane {
   readonly element: HTMLElement;
-  private readonly canvas = element("canvas", { "aria-label": "Cross-section" });
+  private readonly canvas = element("canvas", { role: "img", "aria-label": "Cross-section" });
   private readonly readout = element("p", { class: "section-readout" });
   private readonly table = element("div", { class: "section-table" });
   private readonly where: HTMLElement;
@@ -180,7 +180,10 @@ export class SectionView implements Pane {
   }
 
   private describe(nodes: readonly SectionNode[]): void {
-    this.table.replaceChildren(sectionTable(readingsOf(nodes, this.points), this.app));
+    const readings = readingsOf(nodes, this.points);
+    this.table.replaceChildren(sectionTable(readings, this.app));
+    const said = readings.map(({ kind, offset_m, remark }) => `${this.app.title(kind)} at ${offset_m.toFixed(2)} m${remark ? `, ${remark}` : ""}`);
+    this.canvas.setAttribute("aria-label", `Cross-section: ${said.join("; ") || "no line"}`);
     const [east, north] = this.station.at;
     this.where.textContent = `E ${east.toFixed(2)}  N ${north.toFixed(2)}`;
     const title = (kind: string): string => this.app.title(kind);

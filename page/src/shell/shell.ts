@@ -4,6 +4,7 @@
 import type { App } from "../app/app";
 import { AttributesPane } from "../review/attributes-pane";
 import { element } from "../controls/element";
+import { EvidencePane } from "../review/evidence-pane";
 import { HistoryPane } from "../review/history-pane";
 import { ExportPane } from "../review/export-pane";
 import { JobPane } from "../review/job-pane";
@@ -13,6 +14,7 @@ import { PlanView } from "../plan/plan-view";
 import { QueuePane } from "../review/queue-pane";
 import { SectionView } from "../section/section-view";
 import { StatusBar } from "./status-bar";
+import { StraightenedView } from "../straightened/straightened-view";
 import { StereoView } from "../stereo/stereo-view";
 import { type Pane, Tabs } from "../controls/tabs";
 import { View3D } from "../view3d/view3d";
@@ -50,12 +52,32 @@ export function buildShell(app: App): void {
     above.add("Stereo", guarded(() => new StereoView(app)));
     below.add("Photolog", guarded(() => new Photolog(app)));
   }
+  below.add("Straightened", guarded(() => new StraightenedView(app)));
+  below.add("Evidence", new EvidencePane(app));
   below.add("Lines", table);
+  app.on("item", (item) => item && below.offer("Evidence"));
   const groups = [above, below].filter((group) => group.element.querySelector(".pane") !== null);
   for (const group of groups) wideButton(group);
   place("views").append(...groups.map((group) => group.element));
   place("views").hidden = groups.length === 0;
   place("views").before(splitter(place("work")));
+  bindParts(app);
+}
+
+// F6 goes from part to part of the page: the lists, the plan, each group of views
+function bindParts(app: App): void {
+  const parts = (): HTMLElement[] =>
+    [...document.querySelectorAll<HTMLElement>("#side [role=tab][aria-selected=true], #plan .map, #views [role=tab][aria-selected=true]")]
+      .filter((part) => part.offsetParent !== null);
+  const go = (by: 1 | -1): void => {
+    const all = parts();
+    const within = document.activeElement?.closest("#side, #plan, #views .tab-group") ?? null;
+    const at = all.findIndex((part) => within?.contains(part));
+    all[at < 0 ? (by > 0 ? 0 : all.length - 1) : (at + by + all.length) % all.length]?.focus();
+  };
+  const group = "Page";
+  app.keyboard.bind({ keys: ["F6"], title: "Next part of the page", group, run: () => go(1) });
+  app.keyboard.bind({ keys: ["Shift+F6"], title: "Previous part of the page", group, run: () => go(-1) });
 }
 
 // A view that cannot be created shows the error in its place; the others still work

@@ -2,9 +2,10 @@
 
 import type { App, Tool } from "../app/app";
 import { element } from "../controls/element";
-import { helpDialog, keyButton } from "../controls/keyboard";
+import { helpDialog } from "../controls/help";
+import { keyButton } from "../controls/keyboard";
 import type { PlanView } from "../plan/plan-view";
-import type { Place } from "../app/documents";
+import type { Kind, Place } from "../app/documents";
 
 const TOOLS: { tool: Tool; title: string; key: string; help: string }[] = [
   { tool: "select", title: "Select", key: "v", help: "Select and edit lines" },
@@ -20,7 +21,7 @@ export class Toolbar {
     const help = helpDialog(app.keyboard);
     document.body.append(help);
     const group = "Page";
-    app.keyboard.bind({ keys: ["?"], title: "Keyboard shortcuts", group, run: () => help.showModal() });
+    app.keyboard.bind({ keys: ["?", "F1"], title: "Help: all keys, and how to", group, run: () => help.showModal() });
     applyTheme(() => plan.restyle());
     this.element.append(
       element("strong", { class: "name", title: app.survey.lines_file }, app.survey.name),
@@ -63,7 +64,9 @@ export class Toolbar {
       },
     });
     const fill = () => {
-      const kinds = app.survey.kinds.filter((kind) => app.tool === "draw" || kind.picked || kind.picked_in_images);
+      const { n_points, n_pairs } = app.survey;
+      const canFollow = (kind: Kind): boolean => (kind.picked && n_points > 0) || (kind.picked_in_images && n_pairs > 0);
+      const kinds = app.survey.kinds.filter((kind) => app.tool === "draw" || canFollow(kind));
       if (!kinds.some(({ kind }) => kind === app.followKind)) app.followKind = "";
       choice.replaceChildren(
         element("option", { value: "" }, app.tool === "draw" ? "Choose a kind" : "Any kind"),

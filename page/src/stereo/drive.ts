@@ -85,3 +85,10 @@ function loaded(src: string): Promise<HTMLImageElement> {
     image.src = src;
   });
 }
+
+// What the images show: the road ahead, not the vehicle
+export function roadAhead(pair: Pair): Place {
+  const heading = (pair.heading_deg * Math.PI) / 180;
+  return [pair.at[0] + 8 * Math.sin(heading), pair.at[1] + 8 * Math.cos(heading)];
+}
+

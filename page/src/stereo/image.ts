@@ -31,7 +31,7 @@ const NOTHING: Overlay = { strokes: [], sighting: [], refused: null, suggestion:
 const PICK_RADIUS_PX = 7;
 
 export class StereoImage {
-  readonly canvas = element("canvas");
+  readonly canvas = element("canvas", { role: "img" });
   overlay: Overlay = NOTHING;
   private image: HTMLImageElement | null = null;
 

@@ -9,7 +9,7 @@ import { Bar } from "../controls/bar";
 import { element } from "../controls/element";
 import { brightened } from "../controls/colours";
 import { LatestTask, Visibility } from "../controls/visibility";
-import { StereoDrive } from "./drive";
+import { roadAhead, StereoDrive } from "./drive";
 import { ImageFollowing } from "./following";
 import { type Px, StereoImage, type Stroke } from "./image";
 import { SharedViewport } from "./viewport";
@@ -215,10 +215,3 @@ export class StereoView implements Pane {
     event.stopPropagation();
   }
 }
-
-// What the images show: the road ahead, not the vehicle
-function roadAhead(pair: Pair): Place {
-  const heading = (pair.heading_deg * Math.PI) / 180;
-  return [pair.at[0] + 8 * Math.sin(heading), pair.at[1] + 8 * Math.cos(heading)];
-}
-

@@ -26,7 +26,7 @@ const ALONG_M = 8; // the camera stands about 15 m away: a growing end farther t
 
 export class View3D implements Pane {
   readonly element: HTMLElement;
-  private readonly canvas = element("canvas", { "aria-label": "3-D view", tabindex: 0 });
+  private readonly canvas = element("canvas", { role: "img", "aria-label": "3-D view", tabindex: 0 });
   private readonly status: HTMLElement;
   private readonly shown: Visibility;
   private readonly loading = new LatestTask();

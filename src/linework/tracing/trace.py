@@ -122,7 +122,7 @@ class Tracer:
         if way is None:
             tip = trace.end_directions(one.xyz)[0][end]
             raise RefusedPickError(
-                f"no {kind} continues", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
+                f"no {kind.replace('_', ' ')} continues", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
                 where=self._opened.survey.name, advice="pick a place on the line further on",
             )  # fmt: skip
         place, onward = way

@@ -91,6 +91,46 @@ def test_what_is_sure_is_accepted_by_one_key_and_the_plan_stays(browser, served)
         assert page.get_attribute(".plan-view", "data-view") == view
 
 
+def test_an_item_comes_with_its_evidence_and_one_key_decides(browser, served):
+    lines = served.get("/api/lines")["lines"]
+    kerb, marking = (next(line for line in lines if line["kind"] == kind) for kind in ("road_boundary", "lane_marking"))
+    items = []
+    for line in (kerb, marking):
+        east, north, _ = line["xyz"][len(line["xyz"]) // 2]
+        items.append({
+            "key": f"line {line['id']}", "type": "line", "ids": [line["id"]], "kind": line["kind"], "at": [east, north],
+            "box": [east - 5, north - 5, east + 5, north + 5], "length_m": 5.0, "confidence": 0.5,
+            "reason": "50 % sure", "proposal": None,
+        })  # fmt: skip
+    with opened_page(browser, served) as page:
+        page.route("**/api/queue", lambda route: route.fulfill(json=items))
+        page.reload()
+        plan = PlanPage(page, served)
+        wait_until(lambda: _left(plan) == 2)
+        plan.press("n")
+        pane = page.locator(".evidence-pane")
+        wait_until(lambda: pane.get_attribute("data-key") == items[0]["key"])
+        text = pane.inner_text()
+        assert "Step" in text
+        assert "50 % sure" in text
+        assert "X: reject it" in text
+        charts = [chart.get_attribute("aria-label") for chart in pane.locator("svg").all()]
+        assert charts[0].startswith("Height from the line")
+        assert "What the fit leaves" in charts
+        wait_until(lambda: pane.locator(".evidence-images canvas").count() >= 2)
+        # One key decides, and the evidence of the next item follows
+        plan.press("x")
+        wait_until(lambda: plan.documents()[kerb["id"]]["review"] == "rejected")
+        wait_until(lambda: pane.get_attribute("data-key") == items[1]["key"])
+        assert "Contrast" in pane.inner_text()
+        # A tab that was chosen stays
+        page.get_by_role("tab", name="Section").click()
+        plan.press("n")
+        assert page.get_by_role("tab", name="Section").get_attribute("aria-selected") == "true"
+        plan.press("Control+z")
+        wait_until(lambda: plan.documents()[kerb["id"]]["review"] == "")
+
+
 def test_an_undo_of_a_line_that_only_crosses_the_view_does_not_move_the_plan(plan, served):
     markings = (line for line in plan.documents().values() if line["kind"] == "lane_marking")
     xyz = max(markings, key=lambda line: line["length_m"])["xyz"]

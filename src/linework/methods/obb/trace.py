@@ -40,9 +40,9 @@ _ON_LINE_M = 0.5
 class TraceStop(StrEnum):
     """Why a line ends, as users read it."""
 
-    END_OF_DATA = "the data ends there"
-    FADED = "the line was not found any further"
-    RING = "the line is closed"
+    END_OF_DATA = "the points end there"
+    FADED = "nothing more of it is seen there, though the ground was measured"
+    RING = "the line closes on itself"
     PICKED = "it was picked there"
     INTERRUPTED = "it was interrupted there"
 

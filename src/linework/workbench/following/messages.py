@@ -134,7 +134,7 @@ def stopped_message(trace_id: str, trace: KeptTrace, *, distance_m: float, is_in
 def choices_at(stop: str) -> list[str]:
     """Return what can be done at an end, by the reason why the line ends there.
 
-    >>> choices_at("the data ends there"), choices_at("no lane_marking goes on")
+    >>> choices_at("the points end there"), choices_at("no lane marking continues")
     (['bridge', 'continue'], ['continue'])
     """
     return next((choices for known, choices in _CHOICES.items() if str(known) == stop), ["continue"])

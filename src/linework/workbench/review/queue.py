@@ -21,6 +21,8 @@ DISMISS = "dismiss "
 #: Longest queue that is shown: more than a person settles in a day.
 MOST_ITEMS = 500
 
+FindSuspects = Callable[[LineSet, frozenset[str]], Awaitable[Sequence[Suspect]]]
+
 review_router = APIRouter(prefix="/api")
 
 
@@ -55,7 +57,8 @@ async def get_queue(request: Request, app_state: CurrentState) -> list[QueueItem
     kept: ReviewQueue | None = getattr(request.app.state, "queue", None)
     if kept is None:
         kept = request.app.state.queue = ReviewQueue(
-            app_state.line_file, lambda lines: app_state.pictures.ask(suspects_in_worker, lines)
+            app_state.line_file,
+            lambda lines, dismissed: app_state.pictures.ask(suspects_in_worker, lines, dismissed),
         )
     return await kept.items()
 
@@ -66,10 +69,10 @@ class ReviewQueue:
     Parameters
     ----------
     find
-        Finds the suspects among lines, away from the server's loop.
+        Finds the suspects among lines, away from the server's loop, knowing the dismissed keys.
     """
 
-    def __init__(self, line_file: LineFile, find: Callable[[LineSet], Awaitable[Sequence[Suspect]]]) -> None:
+    def __init__(self, line_file: LineFile, find: FindSuspects) -> None:
         self._line_file, self._find = line_file, find
         self._turn = asyncio.Lock()
         self._revision = -1
@@ -82,8 +85,8 @@ class ReviewQueue:
             revision = self._line_file.revision
             if revision != self._revision:
                 lines = await asyncio.to_thread(lambda: self._line_file.lines)
-                found = await self._find(lines)
                 dismissed = await asyncio.to_thread(self._dismissed.keys, self._line_file)
+                found = await self._find(lines, dismissed)
                 self._items = queue_items(found, dismissed)
                 self._revision = revision
             return self._items

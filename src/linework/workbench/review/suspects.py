@@ -5,7 +5,7 @@ Separate from `queue`, because it runs in the worker and needs the opened survey
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 
@@ -29,16 +29,22 @@ from linework.workbench.review.paint import PaintOfLines
 from linework.workbench.worker.session import SurveySession
 
 
-def suspects_in_worker(session: SurveySession, lines: LineSet) -> list[Suspect]:
-    """Return what is worth checking in the lines of the survey, the most promising first."""
+def suspects_in_worker(
+    session: SurveySession, lines: LineSet, dismissed: Container[str] = frozenset()
+) -> list[Suspect]:
+    """Return what is worth checking in the lines of the survey, the most promising first; see `suspects`."""
     path = session.keep("path", lambda: _path(session))
     sight = session.keep("sight", lambda: _sight(session))
     paint: PaintOfLines = session.keep("paint of lines", PaintOfLines)
-    return suspects(lines, path, sight, paint.of(session, lines))
+    return suspects(lines, path, sight, paint.of(session, lines), dismissed)
 
 
 def suspects(
-    lines: LineSet, path: DrivenPath, visible: Sight, paint: Mapping[str, FloatArray] | None = None
+    lines: LineSet,
+    path: DrivenPath,
+    visible: Sight,
+    paint: Mapping[str, FloatArray] | None = None,
+    dismissed: Container[str] = frozenset(),
 ) -> list[Suspect]:
     """Return what is worth checking, the most promising first; rejected lines and candidates do not count.
 
@@ -50,9 +56,11 @@ def suspects(
         Says where ground was measured.
     paint
         By id of a marking, where along it the paint shows dashes: (k, 2) [m].
+    dismissed
+        Keys of items that a person has dismissed: a line that was no copy is a line like any other.
     """
     there = lines.take((lines.review != "rejected") & (lines.kind != CANDIDATE))
-    copies = copied_lines(there)
+    copies = [suspect for suspect in copied_lines(there) if suspect.key not in dismissed]
     found = [
         *copies,
         *unsure_lines(there, path),

@@ -11,6 +11,7 @@ from linework.workbench.edits.routes import edits_router
 from linework.workbench.following.routes import follow_router
 from linework.workbench.jobs.routes import jobs_router
 from linework.workbench.review.chainage import chainage_router
+from linework.workbench.review.evidence import evidence_router
 from linework.workbench.review.export import export_router
 from linework.workbench.review.queue import review_router
 from linework.workbench.server.app_state import AppState
@@ -23,6 +24,7 @@ ROUTERS = (
     views_router,
     edits_router,
     review_router,
+    evidence_router,
     follow_router,
     jobs_router,
     chainage_router,

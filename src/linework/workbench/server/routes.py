@@ -141,7 +141,7 @@ def _kind(kind: str) -> dict[str, Any]:
     red, green, blue = colour_of(kind)
     return {
         "kind": kind,
-        "title": _TITLES[kind],
+        "title": _TITLES.get(kind, kind.replace("_", " ").capitalize()),
         "colour": f"#{red:02x}{green:02x}{blue:02x}",
         "picked": kind in _PICKED,
         "picked_in_images": kind in _PICKED_IN_IMAGES,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import AnyArray, Float32Array
+from linework.arrays import AnyArray, BoolArray, Float32Array
 from linework.errors import UsageError
 from linework.kernels.cells import even_thinning as kernels
 from linework.model.grid import Bounds
@@ -69,15 +69,27 @@ def points_of_place(
     found: list[SampledPoints] = []
     share = 1.0
     for patch in reader.patches(bounds):
-        west, south = bounds.west - patch.corner[0], bounds.south - patch.corner[1]
-        inside = (patch.x >= west) & (patch.x < west + bounds.width_m) & (patch.y >= south)
-        inside &= (patch.y < south + bounds.height_m) & (patch.z >= low) & (patch.z < high)
-        found.append(sample_points(patch, inside, share, origin))
-        # Halved as often as the number of all points requires, in whatever order the patches come
-        while sum(len(part.lots) for part in found) > _BY_LOT * most:
-            share *= 0.5
-            found = [part.by_lot(share) for part in found]
+        inside = lies_inside(patch, bounds) & (patch.z >= low) & (patch.z < high)
+        found, share = within_share([*found, sample_points(patch, inside, share, origin)], share, most)
     return packed_points(origin, found, session, most)
+
+
+def lies_inside(patch: PointPatch, bounds: Bounds) -> BoolArray:
+    """Return which points (n,) of a patch lie in a rectangle."""
+    west, south = bounds.west - patch.corner[0], bounds.south - patch.corner[1]
+    inside = (patch.x >= west) & (patch.x < west + bounds.width_m)
+    return np.asarray(inside & (patch.y >= south) & (patch.y < south + bounds.height_m))
+
+
+def within_share(found: list[SampledPoints], share: float, most: int) -> tuple[list[SampledPoints], float]:
+    """Return points, and the share of all that they are, halved as often as their number requires: four times `most`.
+
+    The share is the same in whatever order the patches come.
+    """
+    while sum(len(part.lots) for part in found) > _BY_LOT * most:
+        share *= 0.5
+        found = [part.by_lot(share) for part in found]
+    return found, share
 
 
 def check_place(bounds: Bounds) -> None:

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from linework.errors import LineworkError
 from linework.model.grid import Bounds
+from linework.workbench.edits.apply import lines_of
 from linework.workbench.server.app_state import AppState, CurrentState
 from linework.workbench.server.documents import Document
 from linework.workbench.views.heights import heights_at
@@ -38,6 +39,7 @@ from linework.workbench.views.points import (
 )
 from linework.workbench.views.pyramid import Lattice
 from linework.workbench.views.search_area import search_area_document
+from linework.workbench.views.straightened import FARTHEST_OFFSET_M, straightened_points
 from linework.workbench.views.tiles import prepare_tiles, tile_png
 
 views_router = APIRouter(prefix="/api")
@@ -116,6 +118,22 @@ async def get_section(
     """Return the points of a section across a heading, from a place: x to the right, y along it."""
     section = (east, north), heading_deg, half_width_m, thickness_m
     return Response(await app_state.pictures.ask(section_at, *section), media_type=_BINARY)
+
+
+@views_router.get("/straightened", response_class=Response)
+async def get_straightened(
+    app_state: CurrentState, from_m: QueryMetres, to_m: QueryMetres,
+    half_width_m: Annotated[float, Query(gt=0.0, le=FARTHEST_OFFSET_M, allow_inf_nan=False)],
+    line: Annotated[str, Query(max_length=200)] = "",
+) -> Response:  # fmt: skip
+    """Return the points along a stretch of a line, or without one of the van's path: x chainage, y offset to the right."""
+    path = (
+        lines_of(app_state.line_file.lines, [line]).xyz
+        if line
+        else np.array(app_state.facts.path).reshape(-1, 3)
+    )
+    stretch = path, from_m, to_m, half_width_m
+    return Response(await app_state.pictures.ask(straightened_points, *stretch), media_type=_BINARY)
 
 
 @views_router.get("/search-area")

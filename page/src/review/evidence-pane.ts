@@ -1,0 +1,139 @@
+// The evidence of the queue's item: what the points show across and along its line, with a fit and what it leaves, and the
+// images that see it. The keys of the queue decide.
+
+import "./evidence-pane.css";
+
+import * as api from "../app/api";
+import type { App } from "../app/app";
+import type { Across, Along, Evidence, Pair, PairLine, QueueItem } from "../app/documents";
+import { brightened, CANVAS } from "../controls/colours";
+import { element } from "../controls/element";
+import type { Pane } from "../controls/tabs";
+import { LatestTask, Visibility } from "../controls/visibility";
+import { StereoDrive } from "../stereo/drive";
+import { Chart } from "./chart";
+import { decisionText, itemTitle } from "./item-titles";
+
+const MOST_IMAGES = 3;
+
+export class EvidencePane implements Pane {
+  readonly element = element("div", { class: "evidence-pane", tabindex: 0 });
+  private readonly shown: Visibility;
+  private readonly loading = new LatestTask();
+  private readonly drive = new StereoDrive(() => Promise.resolve(), () => undefined);
+  private item: QueueItem | null = null;
+
+  constructor(private readonly app: App) {
+    app.on("item", (item) => {
+      this.item = item;
+      this.load();
+    });
+    app.on("lines", () => this.load());
+    this.shown = new Visibility(this.element, () => this.load(), () => undefined);
+    this.fill(element("p", { class: "empty" }, "Press N for the first item of the queue: what the points and images show of it appears here."));
+  }
+
+  private load(): void {
+    const { item } = this;
+    if (!this.shown.visible) return;
+    if (item === null) return;
+    void this.loading.run(async () => {
+      const line = item.type === "boundary" ? "" : (item.ids[0] ?? "");
+      if (line !== "" && !this.app.lines.has(line)) return; // settled meanwhile
+      try {
+        const found = await api.evidence(item.kind, item.at, line, item.type === "gap");
+        if (this.item !== item) return;
+        this.show(item, found);
+        await this.showImages(item);
+      } catch (error) {
+        this.app.reportProblem(error);
+      }
+    });
+  }
+
+  private show(item: QueueItem, { across, along, facts }: Evidence): void {
+    const title = itemTitle(this.app, item);
+    const line = this.app.lines.get(item.ids[0] ?? "");
+    const bridged = line && line.bridged_m > 0 ? [["Bridged", `${line.bridged_m.toFixed(1)} of ${line.length_m.toFixed(1)} m: nothing was measured there`]] : [];
+    const list = element("dl", { class: "evidence-facts" }, ...[["Why it is here", item.reason], ...facts, ...bridged].map(([name, value]) =>
+      element("div", {}, element("dt", {}, name!), element("dd", {}, value!))));
+    this.fill(
+      element("h3", {}, title),
+      list,
+      ...(across ? [acrossChart(across)] : [element("p", { class: "empty" }, "This survey has no points here.")]),
+      ...(along && along.values.length > 1 ? [alongChart(along)] : []),
+      element("div", { class: "evidence-images" }),
+      element("p", { class: "decide" }, decisionText(item)),
+    );
+    this.element.dataset["key"] = item.key;
+  }
+
+  private fill(...children: HTMLElement[]): void {
+    this.element.replaceChildren(...children);
+  }
+
+  // The images that see the place best, with the item's lines in them
+  private async showImages(item: QueueItem): Promise<void> {
+    const row = this.element.querySelector(".evidence-images");
+    if (this.app.survey.n_pairs === 0 || row === null) return;
+    if (this.drive.pairs.length === 0) await this.drive.load();
+    const best = this.drive.seeing(item.at);
+    if (!best) return;
+    const at = this.drive.pairs.indexOf(best);
+    const pairs = this.drive.pairs.slice(Math.max(0, at - 1), at - 1 + MOST_IMAGES);
+    const images = await Promise.all(pairs.map((pair) => this.image(pair, item)));
+    if (this.item !== item) return;
+    row.replaceChildren(...images);
+  }
+
+  private async image(pair: Pair, item: QueueItem): Promise<HTMLElement> {
+    const [[left], { left: lines, width, height }] = await Promise.all([this.drive.images(pair.number), api.pairLines(pair.number)]);
+    const canvas = element("canvas", { width: 480, height: Math.round((480 * height) / width) });
+    const context = canvas.getContext("2d")!;
+    context.drawImage(left, 0, 0, canvas.width, canvas.height);
+    for (const line of lines) if (item.ids.includes(line.id)) drawLine(context, line, canvas.width / width, brightened(this.app.colour(line.kind)));
+    const title = `Show pair ${pair.number}, ${pair.chainage_m.toFixed(1)} m along the drive`;
+    return element("button", { type: "button", title, "aria-label": title, click: () => this.app.emit("pair", pair.number) }, canvas);
+  }
+}
+
+function drawLine(context: CanvasRenderingContext2D, line: PairLine, scale: number, colour: string): void {
+  line.runs.forEach((run, i) => {
+    context.setLineDash(line.bridged[i] ? [6, 5] : []);
+    context.strokeStyle = colour;
+    context.lineWidth = 2;
+    context.beginPath();
+    run.forEach(([x, y], k) => (k === 0 ? context.moveTo(x * scale, y * scale) : context.lineTo(x * scale, y * scale)));
+    context.stroke();
+  });
+}
+
+function acrossChart({ label, points, bins, fit, residuals, middle }: Across): HTMLElement {
+  const values = [...points, ...fit].map(([, value]) => value).sort((a, b) => a - b);
+  // Stray points must not flatten the rest
+  const [low, high] = [values[Math.floor(values.length * 0.01)] ?? 0, values[Math.ceil(values.length * 0.99) - 1] ?? 1];
+  const margin = Math.max(0.15 * (high - low), 0.02);
+  const offsets = [...points, ...bins].map(([offset]) => offset);
+  const range: [number, number] = [Math.min(-0.1, ...offsets), Math.max(0.1, ...offsets)];
+  const chart = new Chart(`${label} across the line; offset [m], right positive`, 130, range, [low - margin, high + margin]);
+  chart.dots(points, CANVAS.axis);
+  chart.vertical(0, "#ffb000");
+  chart.dots(bins, CANVAS.text, 2);
+  chart.path(fit, "#7fd4ff");
+  if (middle) chart.cross(middle, "#7fd4ff");
+  if (residuals.length === 0) return chart.element;
+  const greatest = Math.max(0.001, ...residuals.map(([, value]) => Math.abs(value)));
+  const rest = new Chart("What the fit leaves", 56, range, [-greatest * 1.2, greatest * 1.2]);
+  rest.path(residuals, "#ff9d94");
+  return element("div", {}, chart.element, rest.element);
+}
+
+function alongChart({ label, values, stretch }: Along): HTMLElement {
+  const all = values.map(([, value]) => value);
+  const [low, high] = [Math.min(0, ...all), Math.max(0, ...all)];
+  const margin = Math.max(0.1 * (high - low), 0.02);
+  const chart = new Chart(`${label}, by chainage [m]`, 80, stretch, [low - margin, high + margin]);
+  chart.path(values, "#ffd54a", 2.5);
+  chart.dots(values, "#ffd54a", 2);
+  return chart.element;
+}

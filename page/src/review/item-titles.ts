@@ -1,0 +1,28 @@
+// The items of the queue in words: their titles, and what a key decides.
+
+import type { App } from "../app/app";
+import type { QueueItem } from "../app/documents";
+import { actionTitle } from "./action-titles";
+
+const TITLES = {
+  line: "Uncertain line", copy: "Measured twice", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", rest: "Other lines",
+  sure: "Nothing to check",
+};
+
+export function itemTitle(app: App, item: QueueItem): string {
+  return item.type === "sure" || item.type === "rest" ? TITLES[item.type] : `${TITLES[item.type]}: ${app.title(item.kind)}`;
+}
+
+export function decisionText({ type, proposal }: QueueItem): string {
+  const take = proposal ? [`Y: ${actionTitle(proposal.action)}`] : [];
+  const own: Record<QueueItem["type"], string[]> = {
+    line: ["A: accept it", "X: reject it"],
+    copy: ["A: accept it", "X: reject the copy"],
+    gap: ["J: join both lines", "Shift F: follow on from here"],
+    boundary: ["Shift F: follow it here"],
+    dashes: ["A: accept the line as it is"],
+    rest: ["A: accept them all", "X: reject them all"],
+    sure: ["A: accept them all"],
+  };
+  return [...own[type], ...take, "Q: dismiss", "N: next"].join(" · ");
+}
