@@ -93,7 +93,9 @@ def test_what_is_sure_is_accepted_by_one_key_and_the_plan_stays(browser, served)
 
 def test_an_item_comes_with_its_evidence_and_one_key_decides(browser, served):
     lines = served.get("/api/lines")["lines"]
-    kerb, marking = (next(line for line in lines if line["kind"] == kind) for kind in ("road_boundary", "lane_marking"))
+    kerb, marking = (
+        next(line for line in lines if line["kind"] == kind) for kind in ("road_boundary", "lane_marking")
+    )
     items = []
     for line in (kerb, marking):
         east, north, _ = line["xyz"][len(line["xyz"]) // 2]
