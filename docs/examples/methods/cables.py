@@ -60,7 +60,9 @@ ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title="th
 #
 # Each seed is followed in its vertical slice; pieces of one wire are joined, and end at the supports.
 
-lines = find_cables(points.xyz, points.time_s, height, config)
+found = find_cables(points.xyz, points.time_s, height, config)
+lines, poles = found.take(found.kind == "cable"), found.take(found.kind == "pole")
+print(f"{len(lines)} wires, {len(poles)} poles where they end")
 for one in lines:
     print(
         f"{one.length_m:5.1f} m, {one.clearance_m:4.1f} m above the ground, confidence {one.confidence:.2f}"

@@ -315,3 +315,17 @@ def test_any_edits_and_all_of_them_undone(path):
             assert same(drawing.lines, state)
     assert same(read_own_gpkg(path, rejected=True), some_lines())
     whole(path)
+
+
+def test_poles_stay_in_a_file_whose_lines_are_edited(tmp_path):
+    """They are points of a layer of their own, which edits of lines do not touch and readers still read."""
+    pole = LineSet.from_lines([[[1.0, 2.0, 3.0], [1.0, 2.0, 11.5]]], kind=["pole"], height_m=[8.5], id=["pole-1"])
+    written = LineSet.concatenate([some_lines(), pole.with_columns(crs=some_lines().crs)])
+    write_lines(written, tmp_path / "lines.gpkg")
+    with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as drawing:
+        assert same(drawing.lines, some_lines())
+        one = drawing.lines.take([1])
+        drawing.commit(Change("move", one, shifted(one)), who="Ann")
+    back = read_lines(tmp_path / "lines.gpkg")
+    assert len(back) == len(written)
+    assert np.array_equal(back["pole"].xyz, pole.xyz) and back["pole"].height_m.tolist() == [8.5]

@@ -135,6 +135,19 @@ def test_a_crown_and_a_wall_are_no_poles():
     assert len(found_poles([crown, trunk], wires)) == 0
 
 
+def test_a_pole_before_a_wall_is_one_and_the_corner_of_a_house_is_none():
+    rng = np.random.default_rng(11)
+    wires = lines_of([span((*POLES[0], z), (*POLES[1], z)) for z in LEVELS])
+    along, up = rng.uniform(0.0, 6.0, 8000), rng.uniform(0.0, 9.0, 8000)
+    behind = np.column_stack([np.full(8000, -0.8), along - 3.0, up])
+    assert len(found_poles([upright(*POLES[0], 8.3, rng), behind], wires)) == 1
+    corner = [
+        np.column_stack([np.full(8000, 0.0), along, up]),
+        np.column_stack([-along, np.full(8000, 0.0), up]),
+    ]
+    assert len(found_poles(corner, wires)) == 0
+
+
 def test_a_tower_is_wide_and_stands_clear():
     rng = np.random.default_rng(7)
     wires = lines_of([span((0.0, y, z), (250.0, y, z), 8.0) for y in (-6.0, 6.0) for z in (30.0, 24.0)])

@@ -14,7 +14,7 @@ from linework.evaluation.report.scores_figure import WIDTH_IN, main_direction, p
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
 from linework.model.grid import Bounds
-from linework.model.lines import KINDS, LineSet
+from linework.model.lines import KINDS, POLE, LineSet
 from linework.model.points import Points
 
 with extra_needed("reports"):
@@ -26,13 +26,15 @@ with extra_needed("reports"):
 #: A colour per kind; they differ for most eyes, on white as on grey.
 COLOURS = dict(
     zip(
-        KINDS,
-        ("#e8b100", "#f0d060", "#ff7f0e", "#e0218a", "#f7a8d0", "#d62728", "#7f3fbf", "#2a9d8f", "#1667c4"),
+        (*KINDS, POLE),
+        ("#e8b100", "#f0d060", "#ff7f0e", "#e0218a", "#f7a8d0", "#d62728", "#7f3fbf", "#2a9d8f", "#1667c4", "#784614"),
         strict=True,
     )
 )
 #: The colour of kinds that are not ours.
 _OTHER_COLOUR = "#444444"
+#: Diameter of the disc of a pole, which has no length in plan. [points]
+_POLE_POINTS = 5.0
 #: Cells along the longer side of a plan: a screen shows no more.
 _PLAN_CELLS = 1400
 #: Most points drawn in a plan; it does not gain from more.
@@ -199,6 +201,8 @@ def _draw_lines(ax: Axes, lines: LineSet, view: PlanView, box: Box, width: float
             runs += own
             colours += [COLOURS.get(str(lines.kind[i]), _OTHER_COLOUR)] * len(own)
         ax.add_collection(LineCollection(runs, colors=colours, linewidths=width, linestyles=[style]))
+    feet = view.in_plan(lines.xyz[lines.offsets[:-1][lines.kind == POLE], :2])
+    ax.plot(*feet.T, "o", color=COLOURS[POLE], ms=_POLE_POINTS, mec="white", mew=0.5)
     ax.set(xlim=box[0], ylim=box[1], aspect="equal", xticks=[], yticks=[])
 
 
