@@ -17,7 +17,7 @@ from linework.model.trajectory import Trajectory
 from linework.runs.drives.adjusted import adjusted_drives
 from linework.runs.drives.adjustment import DriveTies, adjusted_path
 from linework.runs.drives.separate import separate_drives, share_road
-from linework.runs.drives.ties import tie_drives
+from linework.runs.drives.ties import meet_lines, tie_drives
 
 KINDS = ("lane_marking", "lane_marking_dash", "road_boundary")
 #: So small that the survey has several tiles, and is given to worker processes.
@@ -193,8 +193,8 @@ def test_three_drives_weigh_as_much_as_they_are():
     legs = [((0.0, 0.0), (300.0, 0.0)), 60.0, ((0.0, 1.0), (300.0, 1.0)), 60.0, ((0.0, 2.0), (300.0, 2.0))]
     two, three = (separate_drives(path_of(*legs[:n])) for n in (3, 5))
     lines = [straight(5.0), straight(5.02), straight(5.04)]
-    of_two = tie_drives(two, lines[:2], None, reach_m=0.5)
-    of_three = tie_drives(three, lines, None, reach_m=0.5)
+    of_two = tie_drives(two, lines[:2], meet_lines(two, lines[:2]), None, reach_m=0.5)
+    of_three = tie_drives(three, lines, meet_lines(three, lines), None, reach_m=0.5)
     # 3 pairs of which 2 are independent
     weight = [np.sum(1.0 / ties.sigma_m**2) for ties in (of_two, of_three)]
     np.testing.assert_allclose(weight[1] / weight[0], 2.0, rtol=0.02)

@@ -97,10 +97,12 @@ def split_into_visits(times: FloatArray, n: int, visit: IntArray, spans: FloatAr
 
 @njit(cache=True, nogil=True)
 def visit_of(time: float, spans: FloatArray, m: int) -> int:
-    """Return the visit whose span is nearest to a time [s], of the first `m` spans (8, 2)."""
+    """Return the visit whose span is nearest to a time [s], of the first `m` spans (8, 2), which do not overlap."""
     nearest, at = np.inf, 0
     for k in range(m):
         apart = max(spans[k, VISIT_BEGIN] - time, time - spans[k, VISIT_END])
+        if apart <= 0.0:
+            return k
         if apart < nearest:
             nearest, at = apart, k
     return at

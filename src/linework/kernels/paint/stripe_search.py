@@ -130,18 +130,29 @@ def direction(work: FloatArray, n: int, radius: float) -> float:
             number += 1
     mean = total / max(number, 1)
     few = SHRINKING * number / N_TURN_BINS + 1.0
+    for i in range(number):
+        brightness[i] -= mean
     between = np.zeros(N_ANGLES)
     bins, counts = np.zeros(N_TURN_BINS), np.zeros(N_TURN_BINS)
-    for k in range(N_ANGLES):
-        angle = k * math.pi / N_ANGLES
+    others, other_counts = np.zeros(N_TURN_BINS), np.zeros(N_TURN_BINS)
+    # Two directions at a time: while one waits for the sum of its bin, the other goes on
+    half = N_ANGLES // 2
+    for k in range(half):
+        angle, other = k * math.pi / N_ANGLES, (k + half) * math.pi / N_ANGLES
         nx, ny = -math.sin(angle), math.cos(angle)
+        mx, my = -math.sin(other), math.cos(other)
         bins[:], counts[:] = 0.0, 0.0
+        others[:], other_counts[:] = 0.0, 0.0
         for i in range(number):
             b = min(int(near_x[i] * nx + near_y[i] * ny + 0.5 * N_TURN_BINS), N_TURN_BINS - 1)
-            bins[b] += brightness[i] - mean
+            c = min(int(near_x[i] * mx + near_y[i] * my + 0.5 * N_TURN_BINS), N_TURN_BINS - 1)
+            bins[b] += brightness[i]
             counts[b] += 1.0
+            others[c] += brightness[i]
+            other_counts[c] += 1.0
         for b in range(N_TURN_BINS):
             between[k] += bins[b] * bins[b] / (counts[b] + few)
+            between[k + half] += others[b] * others[b] / (other_counts[b] + few)
     best = int(np.argmax(between))
     before, after = between[best - 1], between[(best + 1) % N_ANGLES]
     bend = before - 2.0 * between[best] + after

@@ -17,6 +17,8 @@ _ALONG_M = 0.75 * AXIS_STATION_M
 #: Positions of the vehicle's path farther apart than this are not joined; nearer than this to the one before they are
 #: left out, as a standing vehicle has no direction. [m]
 _JUMP_M, _STANDING_M = 50.0, 1.0
+#: Positions looked at together for the next that is kept: those of some metres, at 100 a second.
+_LOOKED_AT = 32
 #: Lines count as parallel within 30 degrees: cosine.
 _PARALLEL = 0.866
 
@@ -49,15 +51,27 @@ class LineAxis:
 
 def axes_of_path(path: FloatArray) -> list[LineAxis]:
     """Return the axes of a vehicle's path (n, 2 or 3) [m, local], cut where it has gaps."""
-    kept = [0]
-    for i in range(1, len(path)):
-        if np.hypot(*(path[i, :2] - path[kept[-1], :2])) >= _STANDING_M:
-            kept.append(i)
+    kept = _places_apart(path[:, :2], _STANDING_M)
     xy = path[kept, :2]
     step = np.hypot(*np.diff(xy, axis=0).T)
     pieces = np.split(np.arange(len(xy)), np.flatnonzero(step > _JUMP_M) + 1)
     t = distance_along(xy)
     return [LineAxis.of(t[piece], xy[piece]) for piece in pieces if len(piece) >= 2]
+
+
+def _places_apart(xy: FloatArray, apart_m: float) -> list[int]:
+    """Return the first of places (n, 2) [m], and each that is at least `apart_m` from the one kept before."""
+    kept = [0]
+    first = 1
+    while first < len(xy):
+        some = slice(first, first + _LOOKED_AT)
+        is_apart = np.hypot(*(xy[some] - xy[kept[-1]]).T) >= apart_m
+        if is_apart.any():
+            kept.append(first + int(np.argmax(is_apart)))
+            first = kept[-1] + 1
+        else:
+            first += _LOOKED_AT
+    return kept
 
 
 @dataclass(frozen=True, slots=True)

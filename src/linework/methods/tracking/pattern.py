@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,6 +49,9 @@ PATTERN_WINDOW_M = 60.0
 WHOLE_SHARE = 0.05
 #: Share of the gap up to which paint still belongs to the dash before it.
 SLACK_SHARE = 0.3
+#: Windows of paint whose best rhythm is kept: markings are sought two or three times over the same tracks, and where
+#: nothing changed between, their paint is the same.
+_FOLDS_KEPT = 8192
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,15 +196,7 @@ def _rhythm_within(paint: FloatArray, chance: float) -> PaintRhythm | None:
     if len(paint) < 2:
         return None
     start, end = float(paint[0, 0]), float(paint[-1, 1])
-    n = max(round((end - start) / PAINT_STEP_M), 1)
-    place: FloatArray = start + (np.arange(n, dtype=np.float64) + 0.5) * PAINT_STEP_M
-    i = np.searchsorted(paint[:, 0], place, side="right") - 1
-    is_paint = place < paint[np.maximum(i, 0), 1]
-    longest = min(PERIODS_M[1], (end - start + LEAST_PAINT_GAP_M) / LEAST_PERIODS)
-    period, gap, contrast = best_rhythm(
-        is_paint, PAINT_STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_PAINT_GAP_M, LEAST_GAP_SHARE),
-        (GAP_PAINT, DASH_PAINT), LONGEST_DASH_M,
-    )  # fmt: skip
+    period, gap, contrast = _best_fold(paint.tobytes())
     if period == 0.0:
         return None
     # The chance that wear left no paint in any of the gaps of a solid line
@@ -208,6 +204,22 @@ def _rhythm_within(paint: FloatArray, chance: float) -> PaintRhythm | None:
     if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / chance):
         return None
     return PaintRhythm(period, period - gap, contrast)
+
+
+@lru_cache(maxsize=_FOLDS_KEPT)
+def _best_fold(paint: bytes) -> tuple[float, float, float]:
+    """Return period, gap [m] and contrast of the best rhythm of paint, zeros if none; paint: (k, 2) float64 [m]."""
+    start_m, end_m = np.frombuffer(paint, dtype=np.float64).reshape(-1, 2).T
+    start, end = float(start_m[0]), float(end_m[-1])
+    n = max(round((end - start) / PAINT_STEP_M), 1)
+    place: FloatArray = start + (np.arange(n, dtype=np.float64) + 0.5) * PAINT_STEP_M
+    i = np.searchsorted(start_m, place, side="right") - 1
+    is_paint = place < end_m[np.maximum(i, 0)]
+    longest = min(PERIODS_M[1], (end - start + LEAST_PAINT_GAP_M) / LEAST_PERIODS)
+    return best_rhythm(
+        is_paint, PAINT_STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_PAINT_GAP_M, LEAST_GAP_SHARE),
+        (GAP_PAINT, DASH_PAINT), LONGEST_DASH_M,
+    )  # fmt: skip
 
 
 def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:

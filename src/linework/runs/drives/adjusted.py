@@ -31,7 +31,7 @@ from linework.runs.drives.account import DriveAccount, DrivesAccount
 from linework.runs.drives.adjustment import DriveTies, PathCorrection, adjusted_path
 from linework.runs.drives.separate import DriveSpan, separate_drives, share_road
 from linework.runs.drives.stores import write_changed_store
-from linework.runs.drives.ties import FIRST_REACH_M, LAST_REACH_M, TIE_KINDS, tie_drives
+from linework.runs.drives.ties import FIRST_REACH_M, LAST_REACH_M, TIE_KINDS, meet_lines, tie_drives
 from linework.runs.extraction import Extraction
 from linework.runs.find import find_lines
 from linework.runs.opened.points import OpenedSurvey, hash_path
@@ -145,9 +145,9 @@ def adjusted_drives(
     lines
         Of each drive, found on its points alone.
     """
-    correction, ties = None, DriveTies.empty()
+    correction, ties, met = None, DriveTies.empty(), meet_lines(drives, lines)
     for reach_m in np.geomspace(FIRST_REACH_M, LAST_REACH_M, _N_ROUNDS).tolist():
-        ties = tie_drives(drives, lines, correction, reach_m=reach_m)
+        ties = tie_drives(drives, lines, met, correction, reach_m=reach_m)
         if not len(ties):
             return None
         correction = adjusted_path(drives, path, ties)

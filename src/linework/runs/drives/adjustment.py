@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class DriveTies(Columns):
     sigma_m: FloatArray = column()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PathCorrection:
     """What is added to positions of all drives, by their times.
 
@@ -67,13 +68,18 @@ class PathCorrection:
         (k,) ascending. [s]
     xyz_m
         (k, 3) correction at the knots. [m]
-    covariance_m2
-        (k, 3, 3) of the corrected path. [m²]
+    normal
+        (3k, 3k) sparse normal matrix of the corrections, the inverse of their covariance. [1/m²]
     """
 
     knot_s: FloatArray
     xyz_m: FloatArray
-    covariance_m2: FloatArray
+    normal: Any
+
+    @cached_property
+    def covariance_m2(self) -> FloatArray:
+        """(k, 3, 3) covariance of the corrected path at each knot [m²]: found when it is first asked for."""
+        return _covariances(self.normal)
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Return the corrections at times (n,), (n, 3) [m]; beyond the ends that of the end."""
@@ -128,7 +134,7 @@ def adjusted_path(drives: Sequence[DriveSpan], path: Trajectory, ties: DriveTies
         scale = max(1.0, 1.4826 * float(np.median(np.abs(residual)))) if len(residual) else 1.0
         factor = np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(residual), 1e-9))
     normal = (A.T @ A.multiply((weight * factor / scale**2)[:, None]) + prior).tocsc()
-    return PathCorrection(knot_s, found.reshape(-1, 3), _covariances(normal))
+    return PathCorrection(knot_s, found.reshape(-1, 3), normal)
 
 
 def _knots(drive: DriveSpan) -> FloatArray:

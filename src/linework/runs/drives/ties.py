@@ -5,14 +5,16 @@ Separate from `adjustment`, which makes a path of them: this looks at lines.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, FloatArray, distance_along
+from linework.arrays import AnyArray, FloatArray, IntArray, distance_along
 from linework.lines.crosscuts import axis_along, cross_cuts
+from linework.model.columns import Columns, column
 from linework.model.lines import LineSet
 from linework.runs.drives.adjustment import DriveTies, PathCorrection
 from linework.runs.drives.separate import DriveSpan
@@ -34,9 +36,58 @@ _PARALLEL = 0.966
 _DASH_REACH_M, _LEAST_DASH_M = 1.0, 0.02
 
 
+@dataclass(frozen=True, slots=True)
+class MetLine(Columns):
+    """Where the lines of another drive cross the perpendiculars of one line, by station of this.
+
+    Parameters
+    ----------
+    station
+        (n,) int64 number of the station.
+    at_m
+        (n,) its distance along the line. [m]
+    time_s, other_s
+        (n,) when the one drive and the other passed. [s]
+    left
+        (n, 2) unit vector to the left of the line.
+    offset_m, rise_m
+        (n,) position of the other line, to the left and above. [m]
+    sigma_m
+        (n, 2) standard deviations of that, for a tie of whole length. [m]
+    other
+        (n,) int64 number of the other line among those of its kind.
+    """
+
+    station: IntArray = column(np.int64)
+    at_m: FloatArray = column()
+    time_s: FloatArray = column()
+    other_s: FloatArray = column()
+    left: FloatArray = column(np.float64, 2)
+    offset_m: FloatArray = column()
+    rise_m: FloatArray = column()
+    sigma_m: FloatArray = column(np.float64, 2)
+    other: IntArray = column(np.int64)
+
+
+#: What two drives have in common, by their numbers: of the first one's lines.
+MetLines = Mapping[tuple[int, int], Sequence[MetLine]]
+
+
+def meet_lines(drives: Sequence[DriveSpan], lines: Sequence[LineSet]) -> MetLines:
+    """Return where the lines of every drive meet those of every other one: the same for every correction.
+
+    lines: of each drive, as it measured them.
+    """
+    return {
+        (a, b): _met_lines(drives[a], drives[b], lines[a], lines[b])
+        for a, b in permutations(range(len(drives)), 2)
+    }
+
+
 def tie_drives(
     drives: Sequence[DriveSpan],
     lines: Sequence[LineSet],
+    met: MetLines,
     correction: PathCorrection | None,
     *,
     reach_m: float,
@@ -47,6 +98,8 @@ def tie_drives(
     ----------
     lines
         Of each drive, as it measured them.
+    met
+        Where they meet (`meet_lines`).
     correction
         Found so far: by it lines are brought together before the nearest is chosen.
     reach_m
@@ -63,7 +116,7 @@ def tie_drives(
         if a < b:
             found.append(_of_dashes(one, other, lines[a], lines[b], correction, reach_m))
         # Of either drive's lines: each has half of the weight
-        found.append(_of_lines(one, other, lines[a], lines[b], correction, reach_m))
+        found.append(_of_lines(met[a, b], correction, reach_m))
     ties = DriveTies.concatenate(found)
     if len(drives) == 2 or not len(ties):
         return ties
@@ -84,24 +137,16 @@ def _moved(correction: PathCorrection | None, time_s: FloatArray, normal: FloatA
     return np.asarray(np.sum(correction.at(time_s) * normal, axis=1))
 
 
-def _of_lines(
-    one: DriveSpan,
-    other: DriveSpan,
-    lines: LineSet,
-    others: LineSet,
-    correction: PathCorrection | None,
-    reach_m: float,
-) -> DriveTies:
-    """Return the ties across and in height of the lines of a drive, every `_PIECE_M`."""
-    parts = [DriveTies.empty()]
-    for i in range(len(lines)):
+def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet) -> list[MetLine]:
+    """Return what each line of a drive has in common with the other drive's lines of its kind."""
+    met: list[MetLine] = []
+    kinds = {kind: others.take(others.kind == kind) for kind in TIE_KINDS if kind != "lane_marking_dash"}
+    for i in np.flatnonzero(np.isin(lines.kind, list(kinds)) & (lines.length_m >= _PIECE_M)).tolist():
         kind = str(lines.kind[i])
-        if kind not in TIE_KINDS or kind == "lane_marking_dash" or lines.length_m[i] < _PIECE_M:
-            continue
         axis = axis_along("", lines[i].xyz)
         time, other_s = one.passing_s(axis.xyz[:, :2]), other.passing_s(axis.xyz[:, :2])
-        cuts = cross_cuts(others, axis, reach_m=FIRST_REACH_M + reach_m)
-        same = (others.kind[cuts.line] == kind) & (np.abs(cuts.cosine) >= _PARALLEL) & ~cuts.bridged
+        cuts = cross_cuts(kinds[kind], axis, reach_m=2.0 * FIRST_REACH_M)
+        same = (np.abs(cuts.cosine) >= _PARALLEL) & ~cuts.bridged
         same &= np.isfinite(time[cuts.station]) & np.isfinite(other_s[cuts.station])
         own = cross_cuts(lines.take([i]), axis, reach_m=0.05)
         hidden = np.ones(len(axis.station_m), dtype=bool)
@@ -111,15 +156,6 @@ def _of_lines(
         if not len(cuts):
             continue
         k = cuts.station
-        normal = np.column_stack([axis.left[k], np.zeros(len(k))])
-        up = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
-        left = cuts.offset_m + _moved(correction, other_s[k], normal) - _moved(correction, time[k], normal)
-        rise = cuts.up_m - axis.xyz[k, 2]
-        high = rise + _moved(correction, other_s[k], up) - _moved(correction, time[k], up)
-        # The nearest of each station, and only where it is near
-        order = np.lexsort((np.abs(left), k))
-        nearest = order[np.concatenate([[True], np.diff(k[order]) > 0])]
-        nearest = nearest[(np.abs(left[nearest]) <= reach_m) & (np.abs(high[nearest]) <= reach_m)]
         sigma = np.stack(
             [np.interp(axis.station_m[k], axis.station_m, s) for s in _sigmas(lines, i, axis.station_m)],
             axis=1,
@@ -128,9 +164,37 @@ def _of_lines(
         both = np.sqrt(2.0) * np.maximum(np.nan_to_num(both, nan=0.0), np.sqrt(2.0) * _LEAST_M)
         if kind in _FACED:
             both[:, 0] = np.hypot(both[:, 0], _FACE_M)
-        where = axis.station_m[k], time[k], other_s[k]
-        parts.append(_pieces(*where, normal, cuts.offset_m, both[:, 0], cuts.line, nearest))
-        parts.append(_pieces(*where, up, rise, both[:, 1], cuts.line, nearest))
+        met.append(
+            MetLine(
+                station=k, at_m=axis.station_m[k], time_s=time[k], other_s=other_s[k], left=axis.left[k],
+                offset_m=cuts.offset_m, rise_m=cuts.up_m - axis.xyz[k, 2], sigma_m=both, other=cuts.line,
+            )
+        )  # fmt: skip
+    return met
+
+
+def _of_lines(met: Sequence[MetLine], correction: PathCorrection | None, reach_m: float) -> DriveTies:
+    """Return the ties across and in height of the lines of a drive, every `_PIECE_M`."""
+    parts = [DriveTies.empty()]
+    for m in met:
+        # By the correction lines may come nearer, but no farther off than the first ones are sought
+        near = m.take(np.flatnonzero(np.abs(m.offset_m) <= FIRST_REACH_M + reach_m))
+        if not len(near):
+            continue
+        k = near.station
+        normal = np.column_stack([near.left, np.zeros(len(k))])
+        up = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
+        left, high = (
+            apart + _moved(correction, near.other_s, along) - _moved(correction, near.time_s, along)
+            for apart, along in ((near.offset_m, normal), (near.rise_m, up))
+        )
+        # The nearest of each station, and only where it is near
+        order = np.lexsort((np.abs(left), k))
+        nearest = order[np.concatenate([[True], np.diff(k[order]) > 0])]
+        nearest = nearest[(np.abs(left[nearest]) <= reach_m) & (np.abs(high[nearest]) <= reach_m)]
+        where = near.at_m, near.time_s, near.other_s
+        parts.append(_pieces(*where, normal, near.offset_m, near.sigma_m[:, 0], near.other, nearest))
+        parts.append(_pieces(*where, up, near.rise_m, near.sigma_m[:, 1], near.other, nearest))
     return DriveTies.concatenate(parts)
 
 
