@@ -22,7 +22,9 @@ HEIGHTS = np.array([8.3, 43.0721])
 
 def sample():
     """Return a cable between two poles, the poles first."""
-    poles = [np.stack([foot, foot + [0.0, 0.0, up]]) for foot, up in zip(FEET, HEIGHTS, strict=True)]
+    poles = [
+        np.stack([foot, foot + np.array([0.0, 0.0, up])]) for foot, up in zip(FEET, HEIGHTS, strict=True)
+    ]
     wire = np.linspace(poles[0][1], poles[1][1], 12)
     return LineSet.from_lines(
         [*poles, wire], crs=UTM, id=["pole-1", "pole-2", "cable-1"], kind=[POLE, POLE, "cable"],
