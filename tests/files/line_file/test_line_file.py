@@ -319,7 +319,9 @@ def test_any_edits_and_all_of_them_undone(path):
 
 def test_poles_stay_in_a_file_whose_lines_are_edited(tmp_path):
     """They are points of a layer of their own, which edits of lines do not touch and readers still read."""
-    pole = LineSet.from_lines([[[1.0, 2.0, 3.0], [1.0, 2.0, 11.5]]], kind=["pole"], height_m=[8.5], id=["pole-1"])
+    pole = LineSet.from_lines(
+        [[[1.0, 2.0, 3.0], [1.0, 2.0, 11.5]]], kind=["pole"], height_m=[8.5], id=["pole-1"]
+    )
     written = LineSet.concatenate([some_lines(), pole.with_columns(crs=some_lines().crs)])
     write_lines(written, tmp_path / "lines.gpkg")
     with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as drawing:

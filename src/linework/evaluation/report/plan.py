@@ -27,7 +27,18 @@ with extra_needed("reports"):
 COLOURS = dict(
     zip(
         (*KINDS, POLE),
-        ("#e8b100", "#f0d060", "#ff7f0e", "#e0218a", "#f7a8d0", "#d62728", "#7f3fbf", "#2a9d8f", "#1667c4", "#784614"),
+        (
+            "#e8b100",
+            "#f0d060",
+            "#ff7f0e",
+            "#e0218a",
+            "#f7a8d0",
+            "#d62728",
+            "#7f3fbf",
+            "#2a9d8f",
+            "#1667c4",
+            "#784614",
+        ),
         strict=True,
     )
 )
