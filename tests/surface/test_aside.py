@@ -67,3 +67,18 @@ def test_the_record_of_a_run_has_it(linework, tmp_path):
     assert counts["road_m2"] > 200.0
     assert 0.0 <= counts["not_road_share"] <= 1.0
     assert counts["not_road_m2"] >= 0.0 and counts["not_road_m"] >= 0.0
+
+
+@pytest.mark.parametrize("inner", [(slice(None), slice(None)), (slice(30, 90), slice(0, 120))])
+def test_empty_cells_around_change_nothing(inner):
+    road, other, count = scene(7.0, 4.0)
+    found = smooth_aside(road, road | other, count, inner, CELL_M)
+    north, west = 40, 25
+    wide = ((north, 60), (west, 90))
+    there = tuple(
+        slice((s.start or 0) + shift, (n if s.stop is None else s.stop) + shift)
+        for s, shift, n in zip(inner, (north, west), road.shape, strict=True)
+    )
+    padded = smooth_aside(np.pad(road, wide), np.pad(road | other, wide), np.pad(count, wide), there, CELL_M)
+    assert padded == found
+    assert found.aside_m2 > 0.0

@@ -87,7 +87,8 @@ def simulate(
         New or empty; with `overwrite`, files of the same names are replaced.
     road
         Kind of road: "straight", "bends", "urban", "motorway", "rural", "junction", "gore",
-        "roundabout" (at most 250 m), "village", or "mixed", any of them; "forest", "field" and "roofs" are land without a road.
+        "roundabout" (at most 250 m), "village", "repainted", "lookalikes", "overpass", "tunnel", or "mixed", any of them;
+        "forest", "field" and "roofs" are land without a road.
     seed
         Determines everything that no other argument sets.
     length_m

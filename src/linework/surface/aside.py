@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import label
 
-from linework.arrays import AnyArray, BoolArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.cells.nearest import nearest_known_squared
 from linework.surface.regions import MIN_ROAD_M2
 
@@ -81,6 +81,10 @@ def smooth_aside(
     """
     if not is_road.any():
         return RoadAside()
+    # Around the cells that say anything: a road crosses its tile, and most of it is empty
+    box = _box_of(is_road | is_smooth | (count > 0))
+    inner = _shared(inner[0], box[0], len(is_road)), _shared(inner[1], box[1], is_road.shape[1])
+    is_road, is_smooth, count = np.ascontiguousarray(is_road[box]), is_smooth[box], count[box]
     reach = math.floor(BESIDE_M / cell_m)
     beside = nearest_known_squared(is_road, reach, 0)[1] <= reach * reach
     points = count[inner]
@@ -93,17 +97,33 @@ def smooth_aside(
         return found
     # From the middle of a cell to that of the nearest one outside; fields are as deep as a road reaches
     square = nearest_known_squared(np.pad(~other, 1, constant_values=True), reach, 1)[1]
-    depth = (np.sqrt(square) - 0.5) * cell_m
     number, n = label(other)
-    cells = np.bincount(number.ravel(), minlength=n + 1)
-    deepest = np.zeros(n + 1)
-    np.maximum.at(deepest, number.ravel(), depth.ravel())
-    is_wide = (deepest >= _HALF_LANE_M) & (cells * cell_m**2 >= MIN_ROAD_M2)
-    is_wide[0] = False
+    cells = np.bincount(number[other], minlength=n + 1)
+    deepest = np.zeros(n + 1, dtype=square.dtype)
+    np.maximum.at(deepest, number[other], square[other])
+    is_wide = (_depth_m(deepest, cell_m) >= _HALF_LANE_M) & (cells * cell_m**2 >= MIN_ROAD_M2)
     own = (is_wide[number] & beside)[inner]
     if not own.any():
         return found
     area = float(own.sum()) * cell_m**2
     # Of a strip, the mean depth is a quarter of the width
-    length = area / (4.0 * float(depth[inner][own].mean()))
+    length = area / (4.0 * float(_depth_m(square[inner][own], cell_m).mean()))
     return found._replace(aside_m2=area, aside_points=int(points[own].sum()), aside_m=length)
+
+
+def _depth_m(square: AnyArray, cell_m: float) -> FloatArray:
+    """Return how far cells lie from the edge of what they belong to, by their squared distance in cells."""
+    return np.asarray((np.sqrt(square) - 0.5) * cell_m)
+
+
+def _box_of(wanted: BoolArray) -> tuple[slice, slice]:
+    """Return the rows and columns that hold all wanted cells, of which there is at least one."""
+    rows, cols = (np.flatnonzero(wanted.any(axis=axis)) for axis in (1, 0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+
+
+def _shared(one: slice, box: slice, n: int) -> slice:
+    """Return the part of a slice of `n` rows or columns within a box, counted from the box."""
+    start, stop, _ = one.indices(n)
+    first = max(start - box.start, 0)
+    return slice(first, max(min(stop, box.stop) - box.start, first))

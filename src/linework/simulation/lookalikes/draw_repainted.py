@@ -19,7 +19,7 @@ from linework.simulation.roads.scenario import Marking, RoadLayout
 def draw_repainted(rng: np.random.Generator, length_m: float) -> RoadLayout:
     """Return a country road with white lines that are not in force, under new ones: yellow for works, or white.
 
-    Yellow lines begin on the white ones and lead 0.4 to 1.2 m to one side. New white lines lie 15 to 50 cm beside the
+    Yellow lines begin on the white ones and lead 0.4 to 0.7 m to one side. New white lines lie 15 to 50 cm beside the
     older ones, which are worn by 50 to 70 %; older ones still are scraped off, and have no truth.
     """
     half = uniform(rng, 3.4, 4.2)
