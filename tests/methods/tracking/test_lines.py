@@ -25,7 +25,7 @@ from linework.methods.tracking.arrangement import (
     paint_forms,
     roles,
 )
-from linework.methods.tracking.neighbours import LineAxis
+from linework.methods.tracking.neighbours import LineAxis, places_apart
 from linework.methods.tracking.pattern import (
     PaintRhythm,
     find_rhythm,
@@ -392,3 +392,25 @@ def test_bars_stop_lines_and_arrows():
     arrow = axis(20.0, length=3.5)
     road = [axis(-1.0, length=60.0), axis(22.0, length=60.0)]
     assert paint_forms([*bars, stop, arrow], road) == ["zebra"] * 4 + ["stop", "arrow"]
+
+
+def test_a_path_is_thinned_as_pose_by_pose():
+    rng = np.random.default_rng(68)
+    # Standing for longer than the poses that are looked at together, and driving at all speeds
+    step = np.where(np.arange(600) % 200 < 80, 0.001, rng.uniform(0.0, 1.5, 600))
+    xy = np.column_stack([np.cumsum(step), rng.normal(0.0, 0.05, 600)])
+    kept = [0]
+    for i in range(1, len(xy)):
+        if np.hypot(*(xy[i] - xy[kept[-1]])) >= 1.0:
+            kept.append(i)
+    assert places_apart(xy, 1.0) == kept
+    assert max(np.diff(kept)) > 64
+    assert places_apart(xy[:1], 1.0) == [0]
+
+
+def test_a_rhythm_that_is_kept_belongs_to_its_paint():
+    dashes = np.arange(8)[:, None] * 9.0 + np.array([0.0, 3.0])
+    wider = np.arange(8)[:, None] * 12.0 + np.array([0.0, 3.0])
+    first, second, again = (find_rhythm(paint) for paint in (dashes, wider, dashes.copy()))
+    assert first is not None and second is not None
+    assert first == again and abs(first.period_m - 9.0) < 0.3 and abs(second.period_m - 12.0) < 0.3

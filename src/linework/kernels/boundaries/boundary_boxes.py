@@ -55,73 +55,47 @@ LEAST_FLOOR_SHARE = 0.15
 
 
 @njit(cache=True, nogil=True)
-def floor_about(
-    data: FloorCells,
-    place: tuple[float, float],
-    slope: tuple[float, float],
-    limits: FloorLimits,
-    slopes: FloatArray,
-) -> tuple[int, LocalFloor, float, float]:
-    """Find the floor of the cell about `place`, and how the ground around it slopes.
-
-    Parameters
-    ----------
-    data, place, limits
-        As for `boxes_in_cells`.
-    slope
-        Slope to the east and to the north that the floor has, about. [m/m]
-    slopes
-        (4, 4) output: see `linework.kernels.cells.surroundings`.
-
-    Returns
-    -------
-    why
-        `BOX_FOUND`, or why there is no floor.
-    floor
-        At the place.
-    rise, share
-        See `linework.kernels.cells.surroundings.fit_surroundings`.
-    """
-    plane = np.zeros(3)
-    noise, usual = floor_near(data.facets, data.span, place[0], place[1], slope, plane)
-    floor = LocalFloor(plane, noise, slope[0], slope[1], usual)
-    if noise < 0.0:
-        return BOX_HOLE, floor, 0.0, 0.0
-    if noise > roughness_limit(usual, limits.most_noise):
-        return BOX_NO_ROAD, floor, 0.0, 0.0
-    rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
-    return BOX_HOLE if rise < 0.0 else BOX_FOUND, floor, rise, share
-
-
-@njit(cache=True, nogil=True)
 def box_in_cell(
     data: FloorCells,
+    ground: tuple[Float32Array, float, int, int],
     place: tuple[float, float],
-    floor: LocalFloor,
-    around: tuple[FloatArray, float, float],
     limits: FloorLimits,
     scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
     """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; floor, around:
-    see `floor_about`; box: (17,) output with the columns of `linework.kernels.cells.places`.
+    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (17,)
+    output with the columns of `linework.kernels.cells.places`.
     """
-    slopes, rise, share = around
+    plane = np.zeros(3)
+    x, y = place
+    east, north = slope_at(place, ground)
+    if limits.is_vertical > 0.0:
+        east, north = 0.0, 0.0
+    noise, usual = floor_near(data.facets, data.span, x, y, (east, north), plane)
+    if noise < 0.0:
+        return BOX_HOLE
+    if noise > roughness_limit(usual, limits.most_noise):
+        return BOX_NO_ROAD
+    floor = LocalFloor(plane, noise, east, north, usual)
+    slopes = np.empty((4, 4))
+    rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
+    if rise < 0.0:
+        return BOX_HOLE
     why = BOX_ALL_ROAD
     if may_be_kerb(floor, (slopes, rise), limits):
-        area = gather_area(data.points, data.starts, data.span, place, floor.plane, scratch.work)
+        area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
         why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, scratch, box)
     if (
         why != BOX_FOUND
         and share >= LEAST_FLOOR_SHARE
-        and (differs(slopes, floor.noise, BY_ROUGHNESS) or differs(slopes, floor.noise, BY_BRIGHTNESS))
+        and (differs(slopes, noise, BY_ROUGHNESS) or differs(slopes, noise, BY_BRIGHTNESS))
     ):
-        area = gather_area(data.points, data.starts, data.span, place, floor.plane, scratch.work)
+        area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
         why = edge_in_cell(data, place, floor, (slopes, rise), area, limits, scratch, box)
     if why != BOX_FOUND and rise >= CLIP_M:
-        area = gather_area(data.points, data.starts, data.span, place, floor.plane, scratch.work)
+        area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
         why = barrier_in_cell(data, place, floor, slopes, area, limits, scratch, box)
     return why
 
@@ -129,9 +103,8 @@ def box_in_cell(
 @njit(cache=True, nogil=True)
 def change_box_in_cell(
     data: FloorCells,
+    ground: tuple[Float32Array, float, int, int],
     place: tuple[float, float],
-    floor: LocalFloor,
-    around: tuple[FloatArray, float, float],
     limits: FloorLimits,
     scratch: PlaceScratch,
     box: FloatArray,
@@ -140,12 +113,22 @@ def change_box_in_cell(
 
     Parameters as for `box_in_cell`.
     """
-    slopes, _, share = around
+    plane = np.zeros(3)
+    x, y = place
+    slope = slope_at(place, ground)
+    noise, usual = floor_near(data.facets, data.span, x, y, slope, plane)
+    if noise < 0.0:
+        return BOX_HOLE
+    if noise > roughness_limit(usual, limits.most_noise):
+        return BOX_NO_ROAD
+    slopes = np.empty((4, 4))
+    rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
+    if rise < 0.0:
+        return BOX_HOLE
     if share < LEAST_FLOOR_SHARE or not may_change(slopes):
         return BOX_ALL_ROAD
-    area = gather_area(
-        data.points, data.starts, data.span, place, floor.plane, scratch.work, CHANGE_AREA_POINTS
-    )
+    area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work, CHANGE_AREA_POINTS)
+    floor = LocalFloor(plane, noise, slope[0], slope[1], usual)
     return change_in_cell(data, place, floor, slopes, area, limits, scratch, box)
 
 
@@ -186,7 +169,7 @@ def boxes_in_cells(
     starts, span = data.starts, data.span
     west, south, east, north = core
     n_cols = span[SPAN_COLS]
-    scratch, slopes = make_scratch(), np.empty((4, 4))
+    scratch = make_scratch()
     out = np.empty((1024, COLUMNS))
     n = 0
     for r in range(0, span[SPAN_ROWS], 2):
@@ -202,25 +185,14 @@ def boxes_in_cells(
             if n + 1 >= len(out):
                 out = np.concatenate((out, np.empty_like(out)))
             out[n : n + 2, BOX_CONTRAST] = np.nan
-            slope = slope_at((x, y), ground)
-            level = (0.0, 0.0) if limits.is_vertical > 0.0 else slope
-            why, floor, rise, share = floor_about(data, (x, y), level, limits, slopes)
             is_sure = False
-            if why == BOX_FOUND:
-                around = (slopes, rise, share)
-                if box_in_cell(data, (x, y), floor, around, limits, scratch, out[n]) == BOX_FOUND:
-                    write_box_times(starts, span, times, out[n])
-                    is_sure = out[n, FORM] != EDGE or out[n, SCORE] > UNSURE_EDGE
-                    n += 1
-            if is_sure:
-                continue
-            if limits.is_vertical > 0.0:
-                why, floor, rise, share = floor_about(data, (x, y), slope, limits, slopes)
-            if why == BOX_FOUND:
-                around = (slopes, rise, share)
-                if change_box_in_cell(data, (x, y), floor, around, limits, scratch, out[n]) == BOX_FOUND:
-                    write_box_times(starts, span, times, out[n])
-                    n += 1
+            if box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
+                write_box_times(starts, span, times, out[n])
+                is_sure = out[n, FORM] != EDGE or out[n, SCORE] > UNSURE_EDGE
+                n += 1
+            if not is_sure and change_box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
+                write_box_times(starts, span, times, out[n])
+                n += 1
     return out[:n]
 
 

@@ -48,32 +48,23 @@ def best_rhythm(
     length = n * step_m
     best_period = best_gap = best_contrast = 0.0
     period = shortest_m
-    most_bins = max(round(longest_m / (2.0 * step_m)), LEAST_BINS)
-    counts, totals = np.empty(most_bins), np.empty(most_bins)
     while period <= longest_m:
         n_bins = max(round(period / (2.0 * step_m)), LEAST_BINS)
-        count, total = counts[:n_bins], totals[:n_bins]
-        count[:], total[:] = 0.0, 0.0
+        count, total = np.zeros(n_bins), np.zeros(n_bins)
         # The phase is carried along: a remainder at every place takes ten times as long
         phase, per_step = 0.0, step_m / period * n_bins
-        b, n_here, n_paint = 0, 0.0, 0.0
         for i in range(n):
-            if int(phase) != b:
-                count[b] += n_here
-                total[b] += n_paint
-                b, n_here, n_paint = int(phase), 0.0, 0.0
-            n_here += 1.0
-            n_paint += is_paint[i]
+            k = int(phase)
+            count[k] += 1.0
+            total[k] += is_paint[i]
             phase += per_step
             if phase >= n_bins:
                 phase -= n_bins
-        count[b] += n_here
-        total[b] += n_paint
         # The longest run of bins free of paint, across the end of the period
         run = longest = 0
         last = 0
         for k in range(2 * n_bins):
-            b = k if k < n_bins else k - n_bins
+            b = k % n_bins
             if total[b] <= most_gap_paint * count[b]:
                 run += 1
                 if run > longest:

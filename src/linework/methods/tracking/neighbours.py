@@ -51,7 +51,7 @@ class LineAxis:
 
 def axes_of_path(path: FloatArray) -> list[LineAxis]:
     """Return the axes of a vehicle's path (n, 2 or 3) [m, local], cut where it has gaps."""
-    kept = _places_apart(path[:, :2], _STANDING_M)
+    kept = places_apart(path[:, :2], _STANDING_M)
     xy = path[kept, :2]
     step = np.hypot(*np.diff(xy, axis=0).T)
     pieces = np.split(np.arange(len(xy)), np.flatnonzero(step > _JUMP_M) + 1)
@@ -59,7 +59,7 @@ def axes_of_path(path: FloatArray) -> list[LineAxis]:
     return [LineAxis.of(t[piece], xy[piece]) for piece in pieces if len(piece) >= 2]
 
 
-def _places_apart(xy: FloatArray, apart_m: float) -> list[int]:
+def places_apart(xy: FloatArray, apart_m: float) -> list[int]:
     """Return the first of places (n, 2) [m], and each that is at least `apart_m` from the one kept before."""
     kept = [0]
     first = 1
