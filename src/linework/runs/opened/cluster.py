@@ -15,15 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from linework.errors import MachineError, UsageError, argument
 from linework.files.output.locks import hold_lock
-from linework.runs.opened.store import usable_cores
+from linework.runs.opened.store import WORKER_MODULES, usable_cores
 from linework.runs.record import versions
 from linework.runs.resume import source_hash
 
 if TYPE_CHECKING:
     from linework.processes.executors import Executor
-
-#: What the processes of workers import before their first task.
-WORKER_MODULES = ("linework.runs.tasks", "linework.methods.choose")
 
 
 @contextlib.contextmanager

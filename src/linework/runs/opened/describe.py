@@ -34,7 +34,7 @@ from linework.runs.opened.statistics import (
     CountedValues,
     PointStatistics,
     TimeSpans,
-    blocks_of,
+    points_by_block,
 )
 
 #: Gaps that are listed; further ones are counted. [gaps]
@@ -189,7 +189,7 @@ def _times(times: TimeSpans | None, facts: StoreFacts) -> dict[str, Any] | None:
 def _spacing(opened: OpenedSurvey) -> tuple[float | None, str]:
     """Return the along-track distance of scan lines [m], or why it is not known."""
     try:
-        parts = blocks_of(opened.points, with_intensity=False)
+        parts = points_by_block(opened.points, with_intensity=False)
         return round(scan_line_spacing_m(parts, opened.trajectory), 4), ""
     except InputError as error:
         return None, error.problem

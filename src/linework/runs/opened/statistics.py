@@ -1,7 +1,8 @@
 """Statistics of all points of a survey, read from the tile store a block at a time.
 
-Exact, and the same whatever the order of the points: values are counted, not sampled. Memory grows with the number of
-different values (heights on the lattice of 0.1 mm, intensities, seconds with points), not with the number of points.
+Separate from `describe`, which makes a document of them and of everything else that a survey has. They are exact, and
+the same whatever the order of the points: values are counted, not sampled. Memory grows with the number of different
+values (heights on the lattice of 0.1 mm, intensities, seconds with points), not with the number of points.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ GAP_S = 1.0
 _MOST_WAITING = 1_000_000
 
 
-def blocks_of(store: PointStore, *, with_intensity: bool = True) -> Iterator[Points]:
+def points_by_block(store: PointStore, *, with_intensity: bool = True) -> Iterator[Points]:
     """Yield the points of each block of a store, without further columns, in no particular order within it."""
     for east, north in (store.block_counts[0] * STORE_BLOCK_M).tolist():
         bounds = Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)
@@ -162,7 +163,7 @@ class PointStatistics:
         """Read all points of a store once."""
         height, density, intensity, times = CountedValues(), CountedValues(), CountedValues(), TimeSpans()
         has_intensity = has_time = True
-        for points in blocks_of(store):
+        for points in points_by_block(store):
             height.add(points.xyz[:, 2])
             density.add(densities_per_m2(points))
             if points.intensity is None:
