@@ -3,7 +3,7 @@
     python -m benchmarks.large [MILLIONS ...]      (5 15 50 if none are given)
 
 The drive is simulated in three pieces, and repeated beside itself until there are enough points: about 3,300 a
-metre of road, in files of 5 million.
+metre of road, in files of 5 million. Fewer points than a piece has are those of a shorter piece.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ import numpy as np
 #: Takes long: not among those that are run without being named.
 ON_REQUEST = True
 PIECE_M, POINTS_PER_M, FILE_POINTS = 1500.0, 5700.0, 5_000_000
+#: So many of them at least are returned.
+LEAST_PER_M = 3000.0
 #: Copies of the drive lie so far apart.
 APART_M = 4000.0
 DECODE = """
@@ -56,10 +58,10 @@ def main(*millions: str) -> None:
             )
 
 
-def extraction(survey: Path, output: Path) -> Iterator[str]:
+def extraction(survey: Path, output: Path, *more: str, workers: int = 2) -> Iterator[str]:
     """Return the command line."""
     yield from (sys.executable, "-m", "linework", "extract", str(survey), "-o", str(output))
-    yield from ("--workers", "2", "--quiet", "--overwrite")
+    yield from ("--workers", str(workers), "--quiet", "--overwrite", *more)
 
 
 def make_survey(folder: Path, n_points: int) -> Path:
@@ -72,9 +74,10 @@ def make_survey(folder: Path, n_points: int) -> Path:
 
     n, k = 0, 0
     times, places, start_s = [], [], 3.0e8
+    piece_m = min(PIECE_M, n_points / LEAST_PER_M)
     while n < n_points:
         seed, row = 700 + k % 3, k // 3
-        survey = simulate_survey("bends", seed, PIECE_M, points_per_m=POINTS_PER_M)
+        survey = simulate_survey("bends", seed, piece_m, points_per_m=POINTS_PER_M)
         shift = np.array([APART_M * (k % 3), APART_M * row, 0.0])
         shift[:2] -= np.round(survey.points.xyz[0, :2] - [500_000.0, 5_800_000.0])
         path, late = survey.trajectory, start_s - float(survey.trajectory.time_s[0])

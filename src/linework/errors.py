@@ -28,9 +28,10 @@ _ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
 MOST_CHARACTERS = 280
 #: A document may name a file as long as itself; Linux takes no path longer than this. [characters]
 _MOST_OF_A_PATH = 4096
-#: The password in an address or in the description of a connection: paths drop one of the slashes.
+#: The password in an address or in the description of a connection: paths drop one of the slashes. Addresses of Dask
+#: (tcp, tls, ws, wss, ucx) hold none.
 _PASSWORD = re.compile(
-    r"(?i)((?:\b(?!https?:)[a-z][a-z0-9+.-]{0,20}:/{1,2}[^/@\s:]{0,100}:)"
+    r"(?i)((?:\b(?!(?:https?|tcp|tls|wss?|ucx):)[a-z][a-z0-9+.-]{0,20}:/{1,2}[^/@\s:]{0,100}:)"
     # A port of the web is none
     r"|(?:\bhttps?:/{1,2}[^/@\s:]{0,100}:(?!\d{1,5}(?:[/\s]|:\s|$)))|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
 )
@@ -324,6 +325,7 @@ EXTRAS = {
     "postgis": ("PostGIS databases", ("psycopg",)),
     "e57": ("E57 files", ("pye57",)),
     "remote": ("points at an address", ("obstore",)),
+    "dask": ("runs on a cluster", ("distributed",)),
     "parquet": ("GeoParquet files", ("pyarrow",)),
     "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),
 }

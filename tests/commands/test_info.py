@@ -12,7 +12,7 @@ from linework.files.las.write import write_las
 from linework.files.trajectories.read import write_trajectory
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
-from linework.runs.opened.describe import densities_per_m2
+from linework.runs.opened.statistics import densities_per_m2
 
 
 @pytest.fixture

@@ -34,8 +34,10 @@ UNSAFE_CALLS = {
     "eval", "exec", "compile", "os.system", "os.popen", "yaml.load", "marshal.loads", "shelve.open", "tempfile.mktemp",
     "torch.load", "joblib.load", "pandas.read_pickle", "pd.read_pickle", "dill.loads", "subprocess.getoutput",
 }  # fmt: skip
-#: Objects come over connections with processes that this program started, and from nowhere else.
+#: Objects come over connections with processes that this program started, and with a cluster that the user has named
+#: (processes/cluster.py), and from nowhere else.
 UNPICKLES = {
+    "processes/cluster.py",
     "processes/channel.py", "processes/child.py", "processes/own_code.py", "processes/pool.py",
     "workbench/worker/conversation.py",
 }  # fmt: skip

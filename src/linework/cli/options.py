@@ -74,6 +74,14 @@ Workers = Annotated[
     int | None,
     typer.Option("--workers", min=1, max=256, help="Number of worker processes; default: all cores."),
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Dask scheduler of a cluster that runs the tiles: tcp://HOST:PORT; local: one on this machine.",
+    ),
+]
 RunFile = Annotated[
     Path | None,
     typer.Option(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, distance_along
@@ -21,12 +23,15 @@ PAUSE_RATIO = 15.0
 MIN_LINES = 10
 #: Smallest distance between lines of a moving van [m]; and the largest, as a multiple of the median: gaps in the data.
 LEAST_ADVANCE_M, GAP_RATIO = 0.001, 3.0
-#: What a user can do where the spacing cannot be measured.
+#: What is needed, and what a user can do where the spacing cannot be measured.
+_NEEDS = "the scan-line spacing needs times of the points and a trajectory"
 _ADVICE = "give the cell along the road in metres"
 
 
-def scan_line_spacing_m(points: Points, trajectory: Trajectory | None) -> float:
+def scan_line_spacing_m(points: Points | Iterable[Points], trajectory: Trajectory | None) -> float:
     """Return the mean distance of successive scan lines along the path. [m]
+
+    Points may come in parts, of which the times of those near the path are kept.
 
     Lines of two scanners count separately where they cross the road one after the other, and as one where they cross it
     at the same time. Stops, and gaps in the data, are left out.
@@ -43,11 +48,10 @@ def scan_line_spacing_m(points: Points, trajectory: Trajectory | None) -> float:
     Steps in time are split into the two kinds at the best threshold of their logarithms (Otsu); each burst is one line,
     at the position of the path at its middle time.
     """  # noqa: D400
-    if points.time_s is None or trajectory is None or len(trajectory) < 2:
-        raise InputError("the scan-line spacing needs times of the points and a trajectory", advice=_ADVICE)
-    inside = (points.time_s >= trajectory.time_s[0]) & (points.time_s <= trajectory.time_s[-1])
-    time_s = points.time_s[inside]
-    times = np.unique(time_s[_near_path(points.xyz[inside], time_s, trajectory)])
+    if trajectory is None or len(trajectory) < 2:
+        raise InputError(_NEEDS, advice=_ADVICE)
+    parts = [points] if isinstance(points, Points) else points
+    times = np.unique(np.concatenate([np.zeros(0), *(_times_near_path(part, trajectory) for part in parts)]))
     if len(times) < 2 * MIN_LINES:
         raise InputError(f"only {len(times)} points near the path to measure scan lines on", advice=_ADVICE)
     new_line = _pauses(np.diff(times))
@@ -61,6 +65,15 @@ def scan_line_spacing_m(points: Points, trajectory: Trajectory | None) -> float:
     if len(moving) < MIN_LINES - 1:
         raise InputError("the van does not move, so there is no scan-line spacing", advice=_ADVICE)
     return float(moving[moving <= GAP_RATIO * np.median(moving)].mean())
+
+
+def _times_near_path(points: Points, trajectory: Trajectory) -> FloatArray:
+    """Return the different times (n,) [s] of the points in the strip along the path."""
+    if points.time_s is None:
+        raise InputError(_NEEDS, advice=_ADVICE)
+    inside = (points.time_s >= trajectory.time_s[0]) & (points.time_s <= trajectory.time_s[-1])
+    time_s = points.time_s[inside]
+    return np.unique(time_s[_near_path(points.xyz[inside], time_s, trajectory)])
 
 
 def _near_path(xyz: FloatArray, time_s: FloatArray, trajectory: Trajectory) -> BoolArray:

@@ -34,6 +34,7 @@ from linework.processes.identity import identity_of
 from linework.published.methods import Obb2023, Radon2002, Stereo1992, published_method
 from linework.runs.drives.adjusted import find_lines_of_drives
 from linework.runs.extract import with_log
+from linework.runs.opened.cluster import cluster_executor
 from linework.runs.opened.recordings import Recordings
 from linework.runs.opened.store import executor_for, usable_cores
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
@@ -65,6 +66,7 @@ def extract(
     allow_remote: bool = False,
     settings: GivenSettings = None,
     workers: int | None = None,
+    scheduler: Any = None,
     work: str | Path | None = None,
     resume: bool = False,
     adjust: bool = True,
@@ -101,6 +103,10 @@ def extract(
         Settings, a run file, or its tables as a mapping.
     workers
         Number of processes; the lines do not depend on it. None: as many as there are cores.
+    scheduler
+        A Dask cluster whose workers process the tiles: the address of its scheduler (``"tcp://HOST:PORT"``), a
+        `distributed.Client`, or "local" for one on this machine. None: processes of this machine. `work` must then be a
+        folder that all machines of the cluster share.
     work
         Folder where the decoded points and unfinished runs stay for the next call, until ``linework clean`` removes
         them; None: they are kept among the temporary files, for this call only.
@@ -159,6 +165,9 @@ def extract(
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(display_of(progress)))
         folder = held.enter_context(temporary_work(work))
+        cluster = None
+        if scheduler is not None:
+            cluster = held.enter_context(cluster_executor(scheduler, workers, folder))
         recordings = held.enter_context(
             opened_source(
                 src, folder, crs=crs, trajectory=trajectory, carry=carried, allow_outside=allow_outside, allow_remote=allow_remote,
@@ -181,7 +190,7 @@ def extract(
         # Named by all that is asked for: another call with the same work folder neither finds it nor waits for it
         output = folder / f"lines-{fingerprint_of(described)[:16]}"
         run = held.enter_context(run_folder(folder, output, described, resume=resume))
-        executor = held.enter_context(
+        executor = cluster or held.enter_context(
             executor_for(_n_points(recordings), n_workers, chosen, has_images=has_pairs)
         )
         found = find_lines_of_drives(

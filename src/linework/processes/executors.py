@@ -1,7 +1,7 @@
 """Where tasks are done: here one after the other, or elsewhere by the same protocol.
 
-A task carries names, paths and settings, never points; its result is a small receipt. The same protocol serves a
-cluster: `linework.processes.pool.Processes` runs tasks on this machine, Dask could run them on others.
+A task carries names, paths and settings, never points; its result is a small receipt. The protocol is the same for
+processes of this machine (`linework.processes.pool.Processes`) and for a cluster (`linework.processes.cluster.Cluster`).
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from linework.cli.options import (
     Overwrite,
     Quiet,
     RunFile,
+    Scheduler,
     SetValues,
     SurveyArgument,
     TrajectoryFile,
@@ -78,6 +79,7 @@ def extract_command(
     allow_outside: AllowOutside = False,
     allow_remote: AllowRemote = False,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     work: WorkFolder = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
     no_adjust: Annotated[
@@ -102,7 +104,7 @@ def extract_command(
     without --overwrite. Finding nothing is not an error: the layers are then written empty. --resume continues
     an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
     is replaced, unless --forget-reviews is given. Several drives over one road are made to agree at their lines first,
-    unless --no-adjust is given.
+    unless --no-adjust is given. With --scheduler the workers of a Dask cluster process the tiles: the lines are the same.
     """
     from linework.files.output.locks import reserve_output
     from linework.library.progress import open_display
@@ -124,6 +126,7 @@ def extract_command(
             recordings_for,
         )
         from linework.runs.compile import compile_stage, compiled_for
+        from linework.runs.opened.cluster import cluster_executor
         from linework.runs.opened.store import executor_for, promised_points, usable_cores
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
@@ -144,7 +147,11 @@ def extract_command(
         compile_stage(compiled_for(survey, kinds, images=recordings_for(method, kinds)["images"]), steps)
         has_images = survey.has_pairs
         n_points = promised_points(survey)
-        executor = held.enter_context(executor_for(n_points, n_workers, settings, has_images=has_images))
+        executor = held.enter_context(
+            executor_for(n_points, n_workers, settings, has_images=has_images)
+            if scheduler is None
+            else cluster_executor(scheduler, workers, folder)
+        )
         preloading = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
         )

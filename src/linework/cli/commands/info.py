@@ -30,7 +30,7 @@ def info(
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
     from linework.runs.opened.describe import describe_survey
-    from linework.runs.opened.points import opened_survey, read_into_memory
+    from linework.runs.opened.points import opened_survey
     from linework.runs.opened.store import usable_cores
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.steps import RunSteps
@@ -41,7 +41,7 @@ def info(
         if survey.point_files and is_here:
             folder = work_folder(survey.root, work)
             with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:
-                document = describe_survey(read_into_memory(opened), survey)
+                document = describe_survey(opened, survey)
         else:
             document = describe_survey(None, survey)
     if as_json:

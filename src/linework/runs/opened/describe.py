@@ -26,26 +26,28 @@ from linework.imaging.scan_lines import scan_line_spacing_m
 from linework.model.camera import Camera
 from linework.model.images import StereoSeries
 from linework.model.logs import FIX_QUALITIES
-from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
-from linework.runs.opened.points import SurveyInMemory
+from linework.runs.opened.points import OpenedSurvey
+from linework.runs.opened.statistics import (
+    GAP_S,
+    CountedValues,
+    PointStatistics,
+    TimeSpans,
+    points_by_block,
+)
 
-#: Cell in which points are counted for the density: holds several scan lines, and shows where the van was near. [m]
-DENSITY_CELL_M = 1.0
-#: Least pause that is a gap: scanners turn at least 10 times a second, so for this long it was off. [s]
-GAP_S = 1.0
 #: Gaps that are listed; further ones are counted. [gaps]
 MAX_GAPS = 20
 
 
-def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, Any]:
+def describe_survey(read: OpenedSurvey | None, survey: Survey) -> dict[str, Any]:
     """Return the description of a survey, as a document for people and JSON; None for what it does not have.
 
     Parameters
     ----------
     read
-        Its points and its trajectory; None if it has no points, or to say only what their headers do.
+        Its points in the store, and its trajectory; None if it has no points, or to say only what their headers do.
 
     Raises
     ------
@@ -78,23 +80,21 @@ _NO_POINTS: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _points(read: SurveyInMemory) -> dict[str, Any]:
-    trajectory, points = read.trajectory, read.points.points
-    spacing, why_not = _spacing(points, trajectory)
+def _points(opened: OpenedSurvey) -> dict[str, Any]:
+    facts, found = opened.facts, PointStatistics.of(opened.points)
+    spacing, why_not = _spacing(opened)
     return {
-        "files": [_file(facts) for facts in read.points.files],
-        "points": len(points),
-        "points_rejected": dict(read.points.rejected),
-        "extent_m": points.bounds._asdict(),
-        "height_m": _quantiles(points.xyz[:, 2]),
-        "density_per_m2": _quantiles(densities_per_m2(points)),
-        "intensity": _intensity(points),
-        "time": _times(points, read.points.facts),
+        "files": [_file(facts_of_file) for facts_of_file in facts.files],
+        "points": opened.points.n_points,
+        "points_rejected": dict(facts.rejected),
+        "extent_m": opened.points.bounds._asdict(),
+        "height_m": _quantiles(found.height),
+        "density_per_m2": _quantiles(found.density),
+        "intensity": _intensity(found.intensity),
+        "time": _times(found.times, facts),
         "scan_line_spacing_m": spacing,
-        "warnings": [*read.warnings, *([why_not] if why_not and trajectory is not None else [])],
-        "failures": [
-            {"file": address_text(path), "problem": problem} for path, problem in read.points.failures
-        ],
+        "warnings": [*opened.warnings, *([why_not] if why_not and opened.trajectory is not None else [])],
+        "failures": [{"file": address_text(path), "problem": problem} for path, problem in facts.failures],
     }
 
 
@@ -139,21 +139,6 @@ def _stated_extent(planned: Sequence[PlannedFile]) -> dict[str, float] | None:
     return {"west": float(west), "south": float(south), "east": float(east), "north": float(north)}
 
 
-def densities_per_m2(points: Points) -> FloatArray:
-    """Return the density of every cell that has points, (n_cells,) [points/m2].
-
-    >>> xyz = np.array([[0.1, 0.1, 0.0], [0.9, 0.9, 0.0], [7.5, 0.5, 0.0]])
-    >>> densities_per_m2(Points(xyz)).tolist()
-    [2.0, 1.0]
-    """
-    bounds = points.bounds
-    cols = np.floor(points.xyz[:, 0] / DENSITY_CELL_M).astype(np.int64)
-    rows = np.floor(points.xyz[:, 1] / DENSITY_CELL_M).astype(np.int64)
-    n_rows = int(bounds.height_m / DENSITY_CELL_M) + 2
-    _, counts = np.unique((cols - cols.min()) * n_rows + rows - rows.min(), return_counts=True)
-    return counts / DENSITY_CELL_M**2
-
-
 def _file(facts: FileFacts) -> dict[str, Any]:
     return {
         "file": address_text(facts.path),
@@ -166,47 +151,46 @@ def _file(facts: FileFacts) -> dict[str, Any]:
     }
 
 
-def _quantiles(values: FloatArray) -> dict[str, float]:
-    names = ("lowest", "percentile_5", "median", "percentile_95", "highest")
-    found = np.quantile(values, [0.0, 0.05, 0.5, 0.95, 1.0])
-    return {name: round(float(value), 3) for name, value in zip(names, found, strict=True)}
+def _quantiles(values: CountedValues) -> dict[str, float]:
+    names = {"lowest": 0.0, "percentile_5": 0.05, "median": 0.5, "percentile_95": 0.95, "highest": 1.0}
+    return {name: round(values.quantile(share), 3) for name, share in names.items()}
 
 
-def _intensity(points: Points) -> dict[str, Any] | None:
+def _intensity(counted: CountedValues | None) -> dict[str, Any] | None:
     """Return range and bits: 8 if no value is above 255, or if all are multiples of 256 or 257."""
-    if points.intensity is None:
+    if counted is None:
         return None
-    low, high = float(points.intensity.min()), float(points.intensity.max())
-    scaled = high > 255 and any(not np.any(points.intensity % step) for step in (256, 257))
+    values = counted.values
+    low, high = float(values[0]), float(values[-1])
+    scaled = high > 255 and any(not np.any(values % step) for step in (256, 257))
     return {
         "lowest": low,
-        "median": float(np.median(points.intensity)),
+        "median": counted.quantile(0.5),
         "highest": high,
         "bits": 8 if high <= 255 or scaled else 16,
     }
 
 
-def _times(points: Points, facts: StoreFacts) -> dict[str, Any] | None:
-    if points.time_s is None:
+def _times(times: TimeSpans | None, facts: StoreFacts) -> dict[str, Any] | None:
+    if times is None:
         return None
-    times = np.sort(points.time_s)
-    at = np.flatnonzero(np.diff(times) > GAP_S)
-    gaps = [{"start_s": float(times[i]), "end_s": float(times[i + 1])} for i in at[:MAX_GAPS]]
+    spans, gaps = times.spans(), times.gaps()
     return {
         "kind": facts.gps_time_kind,
-        "start_s": float(times[0]),
-        "end_s": float(times[-1]),
+        "start_s": float(spans[0, 0]),
+        "end_s": float(spans[-1, 1]),
         "in_order": facts.in_time_order,
         "gap_longer_than_s": GAP_S,
-        "n_gaps": len(at),
-        "gaps": gaps,
+        "n_gaps": len(gaps),
+        "gaps": [{"start_s": start, "end_s": end} for start, end in gaps[:MAX_GAPS].tolist()],
     }
 
 
-def _spacing(points: Points, trajectory: Trajectory | None) -> tuple[float | None, str]:
+def _spacing(opened: OpenedSurvey) -> tuple[float | None, str]:
     """Return the along-track distance of scan lines [m], or why it is not known."""
     try:
-        return round(scan_line_spacing_m(points, trajectory), 4), ""
+        parts = points_by_block(opened.points, with_intensity=False)
+        return round(scan_line_spacing_m(parts, opened.trajectory), 4), ""
     except InputError as error:
         return None, error.problem
 

@@ -232,6 +232,9 @@ def _remove_earlier(work: Path, family: str, name: str) -> None:
 
 # The executor of a run on this machine
 
+#: What the processes of workers import before their first task.
+WORKER_MODULES = ("linework.runs.tasks", "linework.methods.choose")
+
 
 def usable_cores() -> int:
     """Return the number of cores that this process may use."""
@@ -257,5 +260,5 @@ def executor_for(
     if n_workers == 1 or (n_points <= settings.tiling.max_points and not has_images):
         yield Serial()
         return
-    with Processes(n_workers, modules=("linework.runs.tasks", "linework.methods.choose")) as processes:
+    with Processes(n_workers, modules=WORKER_MODULES) as processes:
         yield processes
