@@ -42,7 +42,7 @@ _LEAST_STEP_M = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class StraightAxis:
-    """A line in plan along which places are given by chainage and offset; it goes on straight beyond its ends.
+    """A line in plan along which places are given by chainage and offset; straight beyond its ends.
 
     Parameters
     ----------
