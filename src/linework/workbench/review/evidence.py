@@ -17,7 +17,7 @@ from linework.workbench.views.tiles import patch_reader
 from linework.workbench.worker.session import SurveySession
 
 #: Stretch about the place of an item that counts, to each side: farther off, another thing may be wrong. [m]
-REACH_M = 15.0
+EVIDENCE_REACH_M = 15.0
 #: Distance to each side of the line that is shown, by what the line is. [m]
 _PAINT_M, _STEP_M, _STANDS_M = 0.6, 0.75, 0.6
 #: Points within this height of the road lie on it, as in `paint`; within this, they belong to the ground about a kerb. [m]
@@ -86,9 +86,11 @@ def evidence_at(
     at_m, beside_m = _nearest(axis, place)
     off_m = beside_m if is_missing else 0.0
     length_m = float(distance_along(xyz[:, :2])[-1])
-    stretch = max(at_m - REACH_M, 0.0), min(at_m + REACH_M, length_m)
+    stretch = max(at_m - EVIDENCE_REACH_M, 0.0), min(at_m + EVIDENCE_REACH_M, length_m)
     if beyond:
-        stretch = (-REACH_M, 0.0) if at_m < 0.5 * length_m else (length_m, length_m + REACH_M)
+        stretch = (
+            (-EVIDENCE_REACH_M, 0.0) if at_m < 0.5 * length_m else (length_m, length_m + EVIDENCE_REACH_M)
+        )
     if reader is None or stretch[1] - stretch[0] < _STATION_M:
         return {"across": None, "along": None, "facts": []}
     parts = points_along(reader, axis, stretch, abs(off_m) + reach_m, MOST_SECTION_POINTS)

@@ -14,11 +14,11 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 
 #: Width of the bins across a line: a stripe or a kerb's face is wider, the spacing of points wider than a tenth of it. [m]
-BIN_M = 0.02
+ACROSS_BIN_M = 0.02
 #: Fewest points of a bin, and fewest bins, that are fitted.
-LEAST_POINTS, LEAST_BINS = 2, 12
+LEAST_POINTS, FEWEST_ACROSS_BINS = 2, 12
 #: Widest stripe: stop lines and crossings have 50 cm. [m]
-WIDEST_STRIPE_M = 0.50
+WIDEST_PAINT_M = 0.50
 #: Farthest from the line that its stripe is looked for: beyond half the distance of the two stripes of a double line lies
 #: the other one. [m]
 NEAR_LINE_M = 0.12
@@ -74,7 +74,7 @@ def stripe_across(offset_m: FloatArray, brightness: FloatArray) -> AcrossFit | N
     """
     at, value, weight = _binned(offset_m, brightness, np.mean)
     kept = np.ones(len(at), dtype=np.bool_)
-    while kept.sum() >= LEAST_BINS:
+    while kept.sum() >= FEWEST_ACROSS_BINS:
         found = _best_stripe(at[kept], value[kept], weight[kept])
         if found is None:
             return None
@@ -82,7 +82,7 @@ def stripe_across(offset_m: FloatArray, brightness: FloatArray) -> AcrossFit | N
         if abs(middle) <= NEAR_LINE_M:
             fitted = np.where(np.abs(at - middle) <= 0.5 * width, bright, dark)
             return AcrossFit(at, value, fitted, middle, bright / max(dark, 1e-9), width, explained)
-        kept &= np.abs(at - middle) > 0.5 * width + BIN_M
+        kept &= np.abs(at - middle) > 0.5 * width + ACROSS_BIN_M
     return None
 
 
@@ -92,9 +92,9 @@ def _best_stripe(
     """Return middle and width [m], brightness on it and beside it, and what it explains, of the stripe that leaves least."""
     total = _left(value, weight, np.ones(len(at), dtype=np.bool_))[0]
     best, least = None, total
-    for width in np.arange(3 * BIN_M, WIDEST_STRIPE_M + 0.5 * BIN_M, BIN_M):
+    for width in np.arange(3 * ACROSS_BIN_M, WIDEST_PAINT_M + 0.5 * ACROSS_BIN_M, ACROSS_BIN_M):
         # In the middle of a bin, or between two
-        for middle in np.concatenate([at, at + 0.5 * BIN_M]):
+        for middle in np.concatenate([at, at + 0.5 * ACROSS_BIN_M]):
             inside = np.abs(at - middle) < 0.5 * width + 1e-9
             if not 2 <= inside.sum() <= len(at) - _EACH_SIDE:
                 continue
@@ -116,7 +116,7 @@ def step_across(offset_m: FloatArray, height_m: FloatArray) -> AcrossFit | None:
     # A bin whose points disagree, as in a hedge or on a face, says little: its weight is that of its median's accuracy
     spread = _binned(offset_m, height_m, lambda part: np.median(np.abs(part - np.median(part))))[1]
     weight /= np.hypot(spread, TEXTURE_M) ** 2
-    if len(at) < LEAST_BINS:
+    if len(at) < FEWEST_ACROSS_BINS:
         return None
     total = float((weight * (value - _even(at, value, weight, np.ones(len(at), dtype=np.bool_))) ** 2).sum())
     least, found = np.inf, (0.0, value, 0.0)
@@ -158,7 +158,7 @@ def _binned(
     """Return middles of the bins that hold enough points, the mean or median in each, and the number of points."""
     if len(offset_m) == 0:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    number = np.floor(offset_m / BIN_M).astype(np.int64)
+    number = np.floor(offset_m / ACROSS_BIN_M).astype(np.int64)
     order = np.argsort(number, kind="stable")
     bins, starts, counts = np.unique(number[order], return_index=True, return_counts=True)
     kept = counts >= LEAST_POINTS
@@ -166,7 +166,7 @@ def _binned(
     values = np.array(
         [float(of(part)) for part, is_kept in zip(parts, kept.tolist(), strict=True) if is_kept]
     )
-    return (bins[kept] + 0.5).astype(np.float64) * BIN_M, values, counts[kept].astype(np.float64)
+    return (bins[kept] + 0.5).astype(np.float64) * ACROSS_BIN_M, values, counts[kept].astype(np.float64)
 
 
 def _left(value: FloatArray, weight: FloatArray, chosen: BoolArray) -> tuple[float, float]:
