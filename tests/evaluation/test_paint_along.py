@@ -7,7 +7,7 @@ import pytest
 from tests.conftest import CRS
 
 from linework.crs import parse_crs
-from linework.evaluation.chainage.paint_along import paint_left, paint_samples
+from linework.evaluation.chainage.paint_along import paint_left, paint_samples, paint_stretches
 from linework.evaluation.chainage.paint_changes import paint_changes
 from linework.evaluation.chainage.paint_points import paint_pieces
 from linework.evaluation.chainage.rows import chainage_report
@@ -141,6 +141,23 @@ def test_the_command_reads_the_points_where_the_lines_are(linework, tmp_path):
         found = linework("report", tmp_path / "lines.gpkg", "-o", tmp_path / "q.csv", *wrong)
         assert found.code in (2, 3) and problem in found.line
         assert not (tmp_path / "q.csv").exists()
+
+
+def test_stretches_of_a_marking_are_means_of_its_pieces_with_their_deviation():
+    """Worn to 90 % up to the middle, to 30 % from there on; hidden pieces are unknown, never 0."""
+    cloud = worn_from(points(0.9), points(0.3, seed=5), LENGTH_M / 2)
+    lines = marking()
+    found = paint_stretches(lines, paint_pieces(lines, within(cloud)))
+    assert [(one.line, one.from_m, one.to_m) for one in found] == [
+        (0, 10.0 * k, 10.0 * k + 10.0) for k in range(4)
+    ]
+    left, sigma = np.array([one.values["remaining_paint"] for one in found]).T
+    np.testing.assert_allclose(left, [90, 90, 30, 30], atol=12.0)
+    assert (sigma > 1.0).all() and (sigma < 8.0).all() and (np.abs(left - [90, 90, 30, 30]) < 4 * sigma).all()
+    assert [one.measured_share for one in found] == [1.0] * 4
+    hidden = cloud.take(cloud.xyz[:, 0] < 30.0)
+    last = paint_stretches(lines, paint_pieces(lines, within(hidden)))[-1]
+    assert last.measured_share == 0.0 and set(last.values.values()) == {(None, None)}
 
 
 def worn_from(cloud, worn, x_m):

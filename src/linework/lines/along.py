@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -170,3 +171,24 @@ def _first_time(places: FloatArray, way: FloatArray) -> BoolArray:
         before = np.array([k for k in near if k < i and first[k]], dtype=np.int64)
         first[i] = not np.any((before < i - n_away) | (way[before] @ way[i] < -0.5))
     return first
+
+
+@dataclass(frozen=True, slots=True)
+class PaintStretch:
+    """What is left of a marking on a stretch of it; values that were hidden are None.
+
+    Parameters
+    ----------
+    line, from_m, to_m
+        Number of the marking, and the ends of the stretch along it. [m]
+    values
+        By quantity ("remaining_paint" [%], "contrast", "width" [m]): mean and its standard deviation.
+    measured_share
+        Share of the pieces at which the remaining paint was measured.
+    """
+
+    line: int
+    from_m: float
+    to_m: float
+    values: Mapping[str, tuple[float | None, float | None]]
+    measured_share: float

@@ -1,5 +1,8 @@
 """Published lines come back exactly; a re-run changes its own lines only, and failures leave what was there."""
 
+import os
+import pwd
+import subprocess
 import threading
 from dataclasses import fields
 
@@ -15,6 +18,7 @@ from linework.files.postgis.address import database_address
 from linework.files.postgis.tables import ewkb_of_line, line_of_ewkb
 from linework.files.postgis.write import Published, publish_lines
 from linework.files.vectors.read_write import read_lines, write_lines
+from linework.lines.along import PaintStretch
 from linework.lines.names import with_ids
 from linework.model.lines import LineSet
 
@@ -174,6 +178,128 @@ def test_a_full_disk_leaves_what_was_there(server, address):
         publish_lines(many_lines(), address, "a")
     assert "Free some space" in str(caught.value)
     assert_same(back(address), lines)
+
+
+@pytest.fixture
+def small_disk(server):
+    """Yield the name of a tablespace on a disk of 8 MB."""
+    folder = server.folder / "small"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(folder)], capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("mounting a small disk is not allowed here")
+    try:
+        if os.geteuid() == 0:
+            os.chown(folder, pwd.getpwnam("postgres").pw_uid, -1)
+        server.run(f"CREATE TABLESPACE small LOCATION '{folder}'")
+        yield "small"
+    finally:
+        server.run("DROP TABLESPACE IF EXISTS small")
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_disk_that_is_really_full_leaves_what_was_there(server, address, small_disk):
+    """A million vertices onto a disk of 8 MB: it runs full while the server merges them."""
+    lines, at = road_lines(), address.schema
+    publish_lines(lines, address, "a")
+    server.run(f"ALTER TABLE {at}.line SET TABLESPACE {small_disk}")
+    try:
+        with pytest.raises(MachineError, match="disk is full, nothing was changed") as caught:
+            publish_lines(many_lines(20_000), address, "a")
+        assert "\n" not in str(caught.value) and "No space left on device" in str(caught.value)
+        assert_same(back(address), lines)
+        assert server.run(f"SELECT count(*) FROM {at}.run") == [(1,)]
+        # And goes on as soon as there is room
+        assert publish_lines(lines, address, "a") == Published(0, 9, 0, 0)
+    finally:
+        server.run(f"DROP SCHEMA {at} CASCADE")
+
+
+@pytest.mark.parametrize(
+    ("table", "code", "error", "words"),
+    [
+        ("line", "check_violation", InputError, "refused by the database"),
+        ("run", "out_of_memory", MachineError, "nothing was changed"),
+        ("paint", "disk_full", MachineError, "disk is full, nothing was changed"),
+    ],
+)
+def test_any_error_in_the_middle_leaves_what_was_there(server, address, table, code, error, words):
+    lines, at = road_lines(), address.schema
+    publish_lines(lines, address, "a", paint=paint_of(lines, 80.0))
+    server.run(
+        f"CREATE FUNCTION {at}.fails() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN "
+        f"RAISE EXCEPTION 'it does not work' USING ERRCODE = '{code}'; END $$"
+    )
+    server.run(f"CREATE TRIGGER fails BEFORE INSERT ON {at}.{table} EXECUTE FUNCTION {at}.fails()")
+    paint = server.run(f"SELECT * FROM {at}.paint ORDER BY id, from_m")
+    moved = lines.with_columns(xyz=lines.xyz + 0.01)
+    with pytest.raises(error, match=words) as caught:
+        publish_lines(moved, address, "a", paint=paint_of(moved, 20.0))
+    assert "\n" not in str(caught.value)
+    assert_same(back(address), lines)
+    assert server.run(f"SELECT count(*) FROM {at}.run") == [(1,)]
+    assert server.run(f"SELECT * FROM {at}.paint ORDER BY id, from_m") == paint
+
+
+def paint_of(lines, left):
+    """Return stretches of 10 m of the markings, the first of each hidden."""
+    found = []
+    for i in np.flatnonzero(lines.kind == "lane_marking").tolist():
+        for k in range(2):
+            known = {"remaining_paint": (left, 3.0), "contrast": (2.5, 0.1), "width": (0.12, 0.01)}
+            values = known if k else dict.fromkeys(known, (None, None))
+            found.append(PaintStretch(i, 10.0 * k, 10.0 * (k + 1), values, float(k)))
+    return found
+
+
+def test_what_is_left_of_the_paint_stands_by_stretches_with_their_places(server, address):
+    lines, at = road_lines(), address.schema
+    publish_lines(lines, address, "a", paint=paint_of(lines, 80.0))
+    n_markings = int((lines.kind == "lane_marking").sum())
+    rows = server.run(
+        f"SELECT id, from_m, to_m, remaining_paint, sigma_remaining_paint, contrast, sigma_contrast, painted_width_m, "
+        f"sigma_painted_width_m, measured_share FROM {at}.paint ORDER BY id, from_m"
+    )
+    assert len(rows) == 2 * n_markings > 0
+    assert rows[0][1:] == (0.0, 10.0, *[None] * 6, 0.0)
+    assert rows[1][1:] == (10.0, 20.0, 80.0, 3.0, 2.5, 0.1, 0.12, 0.01, 1.0)
+    for length, start in server.run(
+        f"SELECT ST_Length(ST_Force2D(geom)), ST_M(ST_StartPoint(ST_GeometryN(geom, 1))) "
+        f"FROM {at}.lane_marking_paint WHERE from_m = 10"
+    ):
+        assert length == pytest.approx(10.0, abs=1e-6) and start == pytest.approx(10.0)
+    # Without points again: what was measured holds for lines that are the same, and for no others
+    changed = str(lines.id[lines.kind == "lane_marking"][0])
+    is_changed = (lines.id == changed)[lines.line_of_vertex]
+    moved = lines.with_columns(xyz=lines.xyz + is_changed[:, None] * 0.01)
+    publish_lines(moved, address, "a")
+    left = {row[0] for row in server.run(f"SELECT id FROM {at}.paint")}
+    assert changed not in left and len(left) == n_markings - 1
+    publish_lines(moved.take(moved.kind != "lane_marking"), address, "a")
+    assert server.run(f"SELECT count(*) FROM {at}.paint") == [(0,)]
+
+
+def test_a_reviewed_marking_keeps_its_paint(server, address):
+    lines, at = road_lines(), address.schema
+    publish_lines(lines, address, "a", paint=paint_of(lines, 80.0))
+    name = str(lines.id[lines.kind == "lane_marking"][0])
+    server.run(f"UPDATE {at}.line SET review = 'accepted' WHERE id = '{name}'")
+    publish_lines(lines, address, "a", paint=paint_of(lines, 20.0))
+    values = dict(server.run(f"SELECT id, remaining_paint FROM {at}.paint WHERE from_m = 10"))
+    assert values.pop(name) == 80.0 and set(values.values()) == {20.0}
+
+
+def test_tables_of_an_earlier_version_get_the_columns_they_lack(server, address):
+    lines, at = road_lines(), address.schema
+    publish_lines(lines, address, "a")
+    server.run(f"DROP TABLE {at}.paint CASCADE")
+    server.run(f"ALTER TABLE {at}.line DROP COLUMN form CASCADE")
+    assert publish_lines(lines, address, "a", paint=paint_of(lines, 50.0)).written > 0
+    assert_same(back(address), lines)
+    assert server.run(f"SELECT count(*) FROM {at}.paint") != [(0,)]
+    assert server.run(f"SELECT count(*) FROM {at}.lane_marking WHERE form IS NULL")[0][0] > 0
 
 
 def test_two_at_once_wait_for_each_other(address):

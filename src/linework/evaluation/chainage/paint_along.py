@@ -9,11 +9,13 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, IntArray
 from linework.evaluation.chainage.paint_points import N_RATIOS, PaintPieces, ratio_of_bin
 from linework.evaluation.chainage.samples import Sample
+from linework.lines.along import PaintStretch
 from linework.lines.crosscuts import Axis
 from linework.model.lines import LineSet
 
@@ -60,6 +62,39 @@ def paint_left(pieces: PaintPieces) -> tuple[FloatArray, FloatArray]:
             share, sigma = _measured(pieces, row, whole, mistaken)["remaining_paint"]
             left[:, row] = math.nan if share is None else share, sigma
     return left[0], left[1]
+
+
+def paint_stretches(lines: LineSet, pieces: PaintPieces, *, every_m: float = 10.0) -> list[PaintStretch]:
+    """Return what is left of each marking, by stretches of itself: means as those of a report by chainage.
+
+    Parameters
+    ----------
+    lines
+        Those that the pieces are of.
+    every_m
+        Length of a stretch. [m]
+    """
+    found = []
+    for rows, whole, mistaken in _by_marking(pieces):
+        number = int(pieces.line[rows[0]])
+        shape = shapely.linestrings(lines[number].xyz[:, :2])
+        along = shapely.line_locate_point(shape, shapely.points(pieces.xy[rows]))
+        for stretch in np.unique(along // every_m).tolist():
+            own = [
+                _measured(pieces, row, whole, mistaken) for row in rows[along // every_m == stretch].tolist()
+            ]
+            values: dict[str, tuple[float | None, float | None]] = {}
+            for quantity in own[0]:
+                known = [one[quantity] for one in own if one[quantity][0] is not None]
+                mean = math.fsum(float(value or 0.0) for value, _ in known) / len(known) if known else None
+                # Each piece has errors of its own, but the brightness of the road beside, which contrast refers to
+                total = math.sqrt(math.fsum(sigma**2 for _, sigma in known))
+                each = len(known) if quantity != "contrast" else math.sqrt(len(known))
+                values[quantity] = mean, total / each if known else None
+            n_known = sum(one["remaining_paint"][0] is not None for one in own)
+            end = min((stretch + 1.0) * every_m, float(lines.length_m[number]))
+            found.append(PaintStretch(number, stretch * every_m, end, values, n_known / len(own)))
+    return found
 
 
 def _by_marking(pieces: PaintPieces) -> Iterator[tuple[IntArray, float | None, tuple[float, float]]]:

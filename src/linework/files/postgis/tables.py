@@ -32,17 +32,48 @@ def field_types() -> dict[str, str]:
     return found | {"geom": "geometry(LineStringZM)"}
 
 
+#: Columns of a stretch of a marking: mean, standard deviation; NULL where it was hidden.
+PAINT_FIELDS = {
+    "remaining_paint": "remaining_paint", "sigma_remaining_paint": "remaining_paint", "contrast": "contrast",
+    "sigma_contrast": "contrast", "painted_width_m": "width", "sigma_painted_width_m": "width",
+}  # fmt: skip
+
+
+def paint_statements(schema: str) -> list[str]:
+    """Return the statements that make what is left of the paint: a table of stretches, and a view with their places."""
+    columns = ", ".join(f"{name} double precision" for name in PAINT_FIELDS)
+    return [
+        f"CREATE TABLE {schema}.paint (survey text NOT NULL, id text NOT NULL, from_m double precision NOT NULL, "
+        f"to_m double precision NOT NULL, {columns}, measured_share double precision NOT NULL, "
+        f"PRIMARY KEY (survey, id, from_m), FOREIGN KEY (survey, id) REFERENCES {schema}.line ON DELETE CASCADE)",
+        f"CREATE VIEW {schema}.lane_marking_paint AS SELECT paint.*, line.pattern, line.role, "
+        "ST_LocateBetween(line.geom, paint.from_m, paint.to_m) AS geom "
+        f"FROM {schema}.paint JOIN {schema}.line USING (survey, id) WHERE line.review IS DISTINCT FROM 'rejected'",
+    ]
+
+
+def view_statements(schema: str) -> list[str]:
+    """Return the statements that make or renew the view of each kind, and of the poles."""
+    kinds = [
+        f"CREATE OR REPLACE VIEW {schema}.{kind} AS SELECT * FROM {schema}.line WHERE kind = '{kind}' "
+        "AND review IS DISTINCT FROM 'rejected'"
+        for kind in KINDS
+    ]
+    # In a set of lines a pole is upright from its foot to its top; here it is where it stands
+    pole = (
+        f"CREATE OR REPLACE VIEW {schema}.{POLE} AS SELECT survey, id, form, network, height_m, confidence, source, "
+        f"review, ST_StartPoint(geom) AS geom FROM {schema}.line WHERE kind = '{POLE}' "
+        "AND review IS DISTINCT FROM 'rejected'"
+    )
+    return [*kinds, pole]
+
+
 def schema_statements(schema: str) -> list[str]:
     """Return the statements that make the schema: tables, indices, and a view per kind."""
     columns = ", ".join(
         f"{name} {kind}{' NOT NULL' if name in ('survey', 'number', 'id', 'kind', 'geom') else ''}"
         for name, kind in field_types().items()
     )
-    views = [
-        f"CREATE VIEW {schema}.{kind} AS SELECT * FROM {schema}.line WHERE kind = '{kind}' "
-        "AND review IS DISTINCT FROM 'rejected'"
-        for kind in KINDS
-    ]
     return [
         f"CREATE SCHEMA IF NOT EXISTS {schema}",
         # Most compound CRSs are not in spatial_ref_sys: geometries have the SRID of the plan, the WKT is whole
@@ -55,18 +86,8 @@ def schema_statements(schema: str) -> list[str]:
         f"FOREIGN KEY (survey) REFERENCES {schema}.survey)",
         f"CREATE INDEX line_geom ON {schema}.line USING gist (geom)",
         f"CREATE INDEX line_kind ON {schema}.line (kind)",
-        *views,
-        # In a set of lines a pole is upright from its foot to its top; here it is where it stands
-        f"CREATE VIEW {schema}.{POLE} AS SELECT survey, id, form, network, height_m, confidence, source, review, "
-        f"ST_StartPoint(geom) AS geom FROM {schema}.line WHERE kind = '{POLE}' AND review IS DISTINCT FROM 'rejected'",
-    ]
-
-
-def added_columns(schema: str) -> list[str]:
-    """Return the statements that add columns that a table of an earlier version lacks."""
-    types = field_types()
-    return [
-        f"ALTER TABLE {schema}.line ADD COLUMN IF NOT EXISTS {name} {types[name]}" for name in LINE_FIELDS
+        *paint_statements(schema),
+        *view_statements(schema),
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,20 +14,23 @@ from linework.crs import LOCAL, describe_crs, horizontal_part, same_crs
 from linework.editing.queue.carried_over import carry_over_reviews
 from linework.errors import CrsError, MachineError, UsageError
 from linework.files.postgis.address import DatabaseAddress, opened_database
-from linework.files.postgis.read import published_lines
+from linework.files.postgis.read import columns_there, published_lines
 from linework.files.postgis.tables import (
     LINE_FIELDS,
+    PAINT_FIELDS,
     ROW_FIELDS,
     VERTEX_FIELDS,
-    added_columns,
     field_types,
     line_of_ewkb,
+    paint_statements,
     rows_of_lines,
     schema_statements,
+    view_statements,
 )
 from linework.files.vectors.fields import check_writable
+from linework.lines.along import PaintStretch
 from linework.lines.names import with_ids
-from linework.model.lines import LineSet
+from linework.model.lines import KINDS, POLE, LineSet
 
 #: Types of the rows as they are sent; geometries are bytes to the library.
 _SENT = {"text": "text", "bigint": "int8", "double precision": "float8", "boolean": "bool",
@@ -56,12 +59,25 @@ class Published:
     kept: int
 
 
-def publish_lines(lines: LineSet, address: DatabaseAddress, survey: str, *, source: str = "") -> Published:
+def publish_lines(
+    lines: LineSet,
+    address: DatabaseAddress,
+    survey: str,
+    *,
+    source: str = "",
+    paint: Sequence[PaintStretch] | None = None,
+) -> Published:
     """Replace the lines of a survey in the database.
 
     Lines of other surveys are not touched. Lines of this one that somebody has reviewed stay, and lines along them are
     not written again, unless the new lines have a review for the same id. Everything happens in one transaction; what
     was written is read back before it is committed.
+
+    Parameters
+    ----------
+    paint
+        What is left of the markings of `lines`, by stretches: it replaces what the survey has in the table of paint. None:
+        what is there stays for lines that are the same.
 
     Raises
     ------
@@ -87,9 +103,7 @@ def publish_lines(lines: LineSet, address: DatabaseAddress, survey: str, *, sour
         if connection.execute("SELECT to_regclass(%s)", (f"{address.schema}.line",)).fetchone() == (None,):
             for statement in schema_statements(address.schema):
                 connection.execute(statement)
-        else:
-            for statement in added_columns(address.schema):
-                connection.execute(statement)
+        _add_new_columns(connection, address.schema)
         _enter_survey(connection, address, survey, lines.crs, srid)
         reviewed = published_lines(connection, address.schema, survey=survey, only_reviewed=True)
         there = lines.empty(lines.crs) if reviewed is None else reviewed
@@ -98,6 +112,8 @@ def publish_lines(lines: LineSet, address: DatabaseAddress, survey: str, *, sour
         new = carry_over_reviews(lines, there).new if len(there) else lines
         counts_by_name = _merge(connection, address.schema, survey, new, srid, there.id.tolist())
         _check_stored(connection, address, survey, new)
+        if paint is not None:
+            _replace_paint(connection, address.schema, survey, lines.id.tolist(), paint)
         found = Published(kept=len(there), **counts_by_name)
         connection.execute(
             f"INSERT INTO {address.schema}.run (survey, source, version, written, unchanged, removed, kept) "
@@ -105,6 +121,41 @@ def publish_lines(lines: LineSet, address: DatabaseAddress, survey: str, *, sour
             (survey, source, linework.__version__, found.written, found.unchanged, found.removed, found.kept),
         )
     return found
+
+
+def _add_new_columns(connection: Any, schema: str) -> None:
+    """Add the columns of lines that an earlier version of linework did not have, and views of its kinds."""
+    there = columns_there(connection, schema)
+    missing = {name: kind for name, kind in field_types().items() if name not in there}
+    for name, kind in missing.items():
+        connection.execute(f"ALTER TABLE {schema}.line ADD COLUMN {name} {kind}")
+    query = "SELECT table_name FROM information_schema.views WHERE table_schema = %s"
+    if missing or not {*KINDS, POLE} <= {row[0] for row in connection.execute(query, (schema,))}:
+        for statement in view_statements(schema):
+            connection.execute(statement)
+
+
+def _replace_paint(
+    connection: Any, schema: str, survey: str, ids: list[str], paint: Sequence[PaintStretch]
+) -> None:
+    """Replace what is left of the paint of a survey; reviewed lines that stay keep theirs."""
+    if connection.execute("SELECT to_regclass(%s)", (f"{schema}.paint",)).fetchone() == (None,):
+        for statement in paint_statements(schema):
+            connection.execute(statement)
+    connection.execute(
+        f"DELETE FROM {schema}.paint WHERE survey = %s AND id IN (SELECT id FROM incoming)", (survey,)
+    )
+    own = {row[0] for row in connection.execute("SELECT id FROM incoming")}
+    names = ("survey", "id", "from_m", "to_m", *PAINT_FIELDS, "measured_share")
+    with (
+        connection.cursor() as cursor,
+        cursor.copy(f"COPY {schema}.paint ({', '.join(names)}) FROM STDIN (FORMAT BINARY)") as copy,
+    ):
+        copy.set_types(["text", "text", *["float8"] * (len(names) - 2)])
+        for one in paint:
+            if ids[one.line] in own:
+                values = [one.values[of][name.startswith("sigma_")] for name, of in PAINT_FIELDS.items()]
+                copy.write_row([survey, ids[one.line], one.from_m, one.to_m, *values, one.measured_share])
 
 
 def _srid(crs: str) -> int:
@@ -152,9 +203,15 @@ def _merge(
         sets = ", ".join(f"{name} = excluded.{name}" for name in (*changed, "geom"))
         cursor.execute(
             f"INSERT INTO {schema}.line AS old ({names}) SELECT {names} FROM incoming "
-            f"ON CONFLICT (survey, id) DO UPDATE SET {sets} WHERE {differs}"
+            f"ON CONFLICT (survey, id) DO UPDATE SET {sets} WHERE {differs} RETURNING id"
         )
-        written = cursor.rowcount
+        changed_ids = [row[0] for row in cursor]
+        written = len(changed_ids)
+        # What was measured on another shape of a line does not hold for this one
+        if cursor.execute("SELECT to_regclass(%s)", (f"{schema}.paint",)).fetchone() != (None,):
+            cursor.execute(
+                f"DELETE FROM {schema}.paint WHERE survey = %s AND id = ANY(%s)", (survey, changed_ids)
+            )
         cursor.execute(
             f"DELETE FROM {schema}.line WHERE survey = %s AND NOT (id = ANY(%s)) "
             "AND NOT EXISTS (SELECT 1 FROM incoming WHERE incoming.id = line.id)",

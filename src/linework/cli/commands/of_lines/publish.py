@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linework.cli.options import AsJson, Crs
+from linework.cli.options import AllowOutside, AllowRemote, AsJson, Crs, Quiet, WorkFolder
 from linework.cli.said import say, say_json
 
 
@@ -23,13 +23,26 @@ def publish_command(
     survey: Annotated[
         str, typer.Option("--survey", help="Name of the survey; default: that of the file.")
     ] = "",
+    points: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--points",
+            metavar="SURVEY",
+            help="Points of the lines: what is left of the paint. Can be repeated.",
+        ),
+    ] = None,
     as_json: AsJson = False,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
+    allow_remote: AllowRemote = False,
+    work: WorkFolder = None,
+    quiet: Quiet = False,
 ) -> None:
     """Publish LINES to PostGIS, in one transaction.
 
     Lines of the same survey that were published before are replaced, those of other surveys stay. Lines that somebody
     has reviewed in the database stay, too. Passwords come from PGPASSWORD, PGPASSFILE or a service file.
+    With --points also how much of the paint of each marking is left, every 10 m, in the table `paint`.
     """
     import dataclasses
 
@@ -49,7 +62,17 @@ def publish_command(
     address = database_address(database, schema=schema)
     found, left_out = read_usable_lines(lines, crs=crs)
     name = survey or lines.stem
-    done = publish_lines(found, address, name, source=str(lines))
+    paint = None
+    if points:
+        from linework.cli.commands.of_lines.paint import paint_of_survey
+        from linework.evaluation.chainage.paint_along import paint_stretches
+
+        pieces = paint_of_survey(
+            found, points, ("points",), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work,
+            quiet=quiet,
+        )  # fmt: skip
+        paint = paint_stretches(found, pieces)
+    done = publish_lines(found, address, name, source=str(lines), paint=paint)
     if as_json:
         say_json(dataclasses.asdict(done))
     else:
