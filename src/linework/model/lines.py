@@ -62,8 +62,11 @@ class LineSet(ForOtherLibraries):
         (m,) str; "" where it does not apply.
     double
         (m,) bool: one of a pair of lines.
-    width_m, height_m, clearance_m
-        (m,) float64 [m]; NaN where it does not apply.
+    width_m, height_m, lower_m, clearance_m
+        (m,) float64 [m]; NaN where it does not apply. `lower_m`: height of the lower edge of a rail, as `height_m` is
+        that of its upper edge.
+    n_beams
+        (m,) float64: number of beams or ropes of a rail that the line stands for; NaN where it does not apply.
     network, span, circuit
         (m,) str, of cables and poles; "" where it does not apply. `network`: shared by all wires that hang together over
         their poles; `circuit`: by the wires that run on from pole to pole side by side; `span`: by those between the same
@@ -115,6 +118,8 @@ class LineSet(ForOtherLibraries):
     double: BoolArray = filled_column(np.bool_, False)
     width_m: FloatArray = filled_column(np.float64, np.nan)
     height_m: FloatArray = filled_column(np.float64, np.nan)
+    lower_m: FloatArray = filled_column(np.float64, np.nan)
+    n_beams: FloatArray = filled_column(np.float64, np.nan)
     clearance_m: FloatArray = filled_column(np.float64, np.nan)
     network: AnyArray = filled_column(np.str_, "")
     span: AnyArray = filled_column(np.str_, "")

@@ -21,8 +21,8 @@ def simulate_command(
         str,
         typer.Option(
             "--road",
-            help="Kind of road: straight, bends, urban, motorway, rural, junction, gore, roundabout, village, repainted, "
-            "lookalikes, overpass, tunnel or mixed; or land without one: forest, field or roofs.",
+            help="Kind of road: straight, bends, urban, motorway, rural, junction, gore, roundabout, village, rails, "
+            "repainted, lookalikes, overpass, tunnel or mixed; or land without one: forest, field or roofs.",
             metavar="KIND",
         ),
     ] = "straight",

@@ -23,9 +23,10 @@ FIELDS = (
 )  # fmt: skip
 #: Fields of the review.
 REVIEWED = ("review", "condition", "note")
-#: Fields that are written together where any line has one of them: of wires that hang together, of lines that two methods
-#: found, of the review, of candidates.
+#: Fields that are written together where any line has one of them: of rails and what stands beside the road like one, of
+#: wires that hang together, of lines that two methods found, of the review, of candidates.
 _GROUPS = (
+    ("lower_m", "n_beams"),
     ("network", "span", "circuit"),
     ("disagreement_mean_m", "disagreement_rms_m"),
     REVIEWED,
@@ -33,8 +34,11 @@ _GROUPS = (
 )
 #: Fields that a set of lines need not have.
 OPTIONAL_FIELDS = ("clearance_m", *chain.from_iterable(_GROUPS))
+_RAILS = ("guardrail", "barrier", "fence")
 #: The layers that have a field, in formats with a layer for each kind; those not named are in all.
 _LAYERS = {
+    "lower_m": _RAILS,
+    "n_beams": _RAILS,
     "clearance_m": ("cable",),
     "network": ("cable", POLE),
     "span": ("cable",),

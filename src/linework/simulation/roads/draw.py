@@ -12,7 +12,13 @@ from linework.errors import UsageError, argument, did_you_mean
 from linework.simulation.lookalikes.draw_levels import draw_overpass, draw_tunnel
 from linework.simulation.lookalikes.draw_lookalikes import draw_lookalikes
 from linework.simulation.lookalikes.draw_repainted import draw_repainted
-from linework.simulation.roads.draw_country import draw_country, draw_field, draw_forest, draw_roofs
+from linework.simulation.roads.draw_country import (
+    draw_country,
+    draw_field,
+    draw_forest,
+    draw_rails,
+    draw_roofs,
+)
 from linework.simulation.roads.draw_junction import (
     MOST_RING_M,
     draw_gore,
@@ -80,6 +86,7 @@ LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "lookalikes": draw_lookalikes,
     "overpass": draw_overpass,
     "tunnel": draw_tunnel,
+    "rails": draw_rails,
 }
 ROADS = tuple(LAYOUTS)
 #: The roads that most figures of the documentation are about.
