@@ -95,7 +95,7 @@ def open_client(scheduler: Any, n_workers: int) -> Iterator[Any]:
 
 
 def _check_answers(distributed: Any, address: str) -> None:
-    """Refuse an address at which no scheduler answers: a client cannot be given up without a word on stderr.
+    """Refuse an address at which no scheduler answers; a client that gives up would print a traceback of its own.
 
     Raises
     ------
