@@ -3,7 +3,7 @@
 ``python -m benchmarks.lanes`` simulates a road of every kind, extracts its lines, finds the lanes between them and compares
 them with the lanes that the simulator states. A lane's station is right where both its bounds are within 0.6 m of those of a
 true lane; a lane is invented where less than half of its stations are. Asked for are true lanes that were observed on both
-sides, in the limits of widths of `linework.lines.lane_sections.SINGLE_LANE_M`. ``--exact`` finds the lanes between the exact lines.
+sides, in the limits of widths of `linework.lines.lane_evidence.SINGLE_LANE_M`. ``--exact`` finds the lanes between the exact lines.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks._simulated_worlds import simulated, with_stages
 from linework.errors import LineworkWarning
-from linework.lines.lane_sections import SINGLE_LANE_M
+from linework.lines.lane_evidence import SINGLE_LANE_M
 from linework.lines.lanes import find_lanes
 from linework.model.lines import KINDS
 from linework.simulation.roads.draw import ROADS

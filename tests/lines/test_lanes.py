@@ -74,16 +74,56 @@ def test_a_centre_line_alone_has_lanes_on_both_sides_up_to_the_boundaries():
     assert len(find_lanes(road(left, right))) == 0
 
 
-def test_an_edge_line_that_was_not_found_is_not_replaced_by_the_verge():
-    """With an edge line on one side there is one on the other, unless a kerb is there."""
+def test_a_lane_to_the_verge_is_less_sure_where_an_edge_line_may_not_have_been_found():
+    """With an edge line on one side there may be one on the other, 0.2 to 0.4 m inside, unless a kerb is there."""
     verge = ("verge", "road_boundary", -3.7, "", "")
-    found = {frozenset(p) for p in pairs(find_lanes(road(EDGE, CENTRE, verge)))}
-    assert found == {frozenset({"centre", "edge"})}
     lines = road(EDGE, CENTRE, verge)
-    kerb = find_lanes(lines.with_columns(form=["", "", "kerb"]))
-    assert {frozenset(p) for p in pairs(kerb)} == {
-        frozenset({"centre", "edge"}),
-        frozenset({"centre", "verge"}),
+    open_, kerb = find_lanes(lines), find_lanes(lines.with_columns(form=["", "", "kerb"]))
+    for lanes in (open_, kerb):
+        assert {frozenset(p) for p in pairs(lanes)} == {
+            frozenset({"centre", "edge"}),
+            frozenset({"centre", "verge"}),
+        }
+    is_verge = ["verge" in pair for pair in zip(open_.left_id, open_.right_id, strict=True)]
+    order = np.argsort(is_verge)
+    assert open_.centre.confidence[order].tolist() == [1.0, 0.5] and set(kerb.centre.confidence) == {1.0}
+    assert open_.sigma_width_m[order] == pytest.approx([0.014, 0.21], abs=0.001)
+
+
+def test_a_short_edge_of_the_pavement_is_not_enough_where_an_edge_line_may_be_missing():
+    verge = ("verge", "road_boundary", lambda x: np.where(x < 15, -3.0, np.nan), "", "")
+    assert pairs(find_lanes(road(EDGE, CENTRE, verge))) == pairs(find_lanes(road(EDGE, CENTRE)))
+
+
+def test_short_paint_bounds_a_lane_where_it_goes_on():
+    """Fifteen metres alone may be a bay; two pieces in one line are a line that is hidden between them."""
+    first = (
+        "first",
+        "lane_marking",
+        lambda x: np.where((x >= 20) & (x <= 35), 0.0, np.nan),
+        "centre",
+        "solid",
+    )
+    second = (
+        "second",
+        "lane_marking",
+        lambda x: np.where((x >= 60) & (x <= 75), 0.1, np.nan),
+        "centre",
+        "solid",
+    )
+    aside = (
+        "aside",
+        "lane_marking",
+        lambda x: np.where((x >= 60) & (x <= 75), 0.6, np.nan),
+        "centre",
+        "solid",
+    )
+    assert len(find_lanes(road(EDGE, first))) == 0
+    assert len(find_lanes(road(EDGE, first, aside))) == 0
+    lanes = find_lanes(road(EDGE, first, second))
+    assert {frozenset(p) for p in pairs(lanes)} == {
+        frozenset({"edge", "first"}),
+        frozenset({"edge", "second"}),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
@@ -13,34 +13,23 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.lines.along import runs_of
 from linework.lines.crosscuts import STATION_M, Axis, cross_cuts
+from linework.lines.lane_evidence import LANE_LIMITS_M, SINGLE_LANE_M, Bound, BoundEvidence
 from linework.lines.reference_curve import ReferenceCurve, reference_curve
 from linework.model.lines import LineSet
 
 BOUND_KINDS = ("lane_marking", "road_boundary")
 #: What no lane crosses.
 _WALLS = ("guardrail", "barrier", "fence")
-#: Widths of the spaces between bounds that belong to a road: below are gutters and double lines, above are squares. [m]
-LANE_LIMITS_M = (2.2, 6.0)
 #: Bounds nearer than this are one bound found twice. [m]
 _APART_M = 0.05
 #: Shortest road. [m]
 _SHORTEST_M = 10.0
 #: Least length of a lane that was measured on both sides: one car. [m]
 _SHORTEST_LANE_M = 5.0
-#: Shorter paint along a road is as often a bay, a bus stop, letters or an arrow as the bound of a lane. [m]
-_SHORTEST_BOUND_M = 20.0
 #: Longest stretch on which neither bound was measured, within a lane: shorter than the mouth of any side street, whose
 #: lane of 3 m has corners of 1.5 m at least. Worn paint and parked cars hide both bounds at once over less. It is counted
 #: in stations, so that of gaps up to 1 m longer some are carried. [m]
 _CARRIED_M = 6.0
-#: The lines of a double line are nearer than this. [m]
-_DOUBLE_M = 1.0
-#: Paint beside other paint: farther apart than a double line of two 0.15 m stripes with a gap of 0.2 m, and nearer than
-#: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. [m]
-_NEITHER_M = (0.5, 1.2)
-#: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
-#: rows of vehicles, as where the line between two lanes is worn away. [m]
-SINGLE_LANE_M = (2.2, 4.4)
 #: A lane widens by no more than this per metre: faster is a taper, a bay or another line. [m/m]
 _TAPER = 0.1
 #: Tapers of lanes that begin or end are 1 in 10 to 1 in 60 (DMRB CD 122, MUTCD 6C); lines along a lane do not converge
@@ -90,11 +79,16 @@ _COLUMNS = ("offset_m", "up_m", "along_m", "sigma_m", "bridged")
 
 @dataclass(frozen=True, slots=True)
 class LaneRoad:
-    """A road without a break: a reference curve, its stations, and sections one after the other."""
+    """A road without a break: a reference curve, its stations, and sections one after the other.
+
+    `without_edge_line` are the pairs of bounds, right one first, of which one is the end of the carriageway although the
+    paint has an edge line on its other side: there may be one that was not found.
+    """
 
     curve: ReferenceCurve
     station_m: FloatArray
     sections: tuple[LaneSection, ...]
+    without_edge_line: frozenset[tuple[int, int]]
 
 
 def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> list[LaneRoad]:
@@ -111,7 +105,7 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
     rank = np.array([BOUND_KINDS.index(k) if k in BOUND_KINDS else 9 for k in lines.kind.tolist()])
     roads: list[LaneRoad] = []
     taken: set[tuple[int, int, int]] = set()
-    barred = _Barred(lines)
+    barred = BoundEvidence(lines)
     for i in np.lexsort((-lines.length_m, rank)).tolist():
         if rank[i] == 9 or lines.length_m[i] < _SHORTEST_M:
             continue
@@ -129,28 +123,24 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
             if station_m[last] - station_m[first] >= _SHORTEST_M:
                 known = [p for p in profiles[first : last + 1] if p is not None]
                 sections = _sections(_settled(known, first, barred, wedges), first, i)
-                roads.append(LaneRoad(curve, station_m, sections))
+                roads.append(
+                    LaneRoad(
+                        curve,
+                        station_m,
+                        sections,
+                        barred.without_edge_line(section.bounds for section in sections),
+                    )
+                )
                 for profile in known:
                     taken.update(_cells(profile))
     return roads
-
-
-class _Bound(NamedTuple):
-    """A line where it crosses a perpendicular: its number, offset, height, distance along it [m], sigma [m], flag."""
-
-    line: int
-    offset_m: float
-    up_m: float
-    along_m: float
-    sigma_m: float
-    bridged: bool
 
 
 @dataclass(frozen=True, slots=True)
 class _Profile:
     """Bounds at a station, from right to left, and which spaces between them are lanes."""
 
-    bounds: tuple[_Bound, ...]
+    bounds: tuple[Bound, ...]
     is_lane: tuple[bool, ...]
 
     @property
@@ -167,7 +157,7 @@ def _cells(profile: _Profile) -> list[tuple[int, int, int]]:
     return found
 
 
-def _rows(lines: LineSet, curve: ReferenceCurve, station_m: FloatArray) -> list[list[_Bound]]:
+def _rows(lines: LineSet, curve: ReferenceCurve, station_m: FloatArray) -> list[list[Bound]]:
     """Return what crosses the perpendicular of each station along the road, from right to left."""
     xy = curve.places(station_m)
     axis = Axis("", station_m, np.column_stack([xy, np.zeros(len(xy))]), curve.ahead(station_m))
@@ -176,11 +166,11 @@ def _rows(lines: LineSet, curve: ReferenceCurve, station_m: FloatArray) -> list[
     cuts = cuts.take(np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE))
     ends = np.searchsorted(cuts.station, np.arange(len(station_m) + 1)).tolist()
     columns = (index[cuts.line], cuts.offset_m, cuts.up_m, cuts.along_m, cuts.sigma_xy_m, cuts.bridged)
-    rows = [_Bound(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
+    rows = [Bound(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
     return [rows[a:b] for a, b in pairwise(ends)]
 
 
-def _carried(rows: Sequence[Sequence[_Bound]]) -> list[set[tuple[int, int]]]:
+def _carried(rows: Sequence[Sequence[Bound]]) -> list[set[tuple[int, int]]]:
     """Return for each station the pairs of lines, right one first, neither of which was measured over a short stretch.
 
     Before and behind it the same two lines were, at least one of both.
@@ -201,7 +191,7 @@ def _carried(rows: Sequence[Sequence[_Bound]]) -> list[set[tuple[int, int]]]:
 
 
 def _profile(
-    lines: LineSet, rows: Sequence[_Bound], centre: int, taken: set[tuple[int, int, int]],
+    lines: LineSet, rows: Sequence[Bound], centre: int, taken: set[tuple[int, int, int]],
     widths_m: tuple[float, float], carried: set[tuple[int, int]],
 ) -> _Profile | None:  # fmt: skip
     """Return the bounds to both sides of the line that a road follows, as far as spaces reach; None without any."""
@@ -242,102 +232,16 @@ def _profile(
     return _Profile(tuple(chosen), tuple(are_lanes))
 
 
-def _is_lane(right: _Bound, left: _Bound, widths_m: tuple[float, float]) -> bool:
+def _is_lane(right: Bound, left: Bound, widths_m: tuple[float, float]) -> bool:
     """Return whether the space between two bounds may be a lane, by its width and its crossfall."""
     width = left.offset_m - right.offset_m
     return widths_m[0] <= width < widths_m[1] and abs(left.up_m - right.up_m) <= _STEEPEST * width
 
 
-class _Barred:
-    """Pairs of lines that bound no lane, by what there is at all stations so far.
-
-    Between paint and the end of the carriageway is a lane only where the paint is no edge line: outside of these are
-    shoulders and parking strips. A role alone does not tell, since a line beside a wide shoulder is taken for a centre
-    line: it is double, or dashed, or the only line of paint.
-    """
-
-    def __init__(self, lines: LineSet) -> None:
-        self._is_paint = lines.kind == "lane_marking"
-        self._is_short = lines.length_m < _SHORTEST_BOUND_M
-        has_role = np.isin(lines.role, ("centre", "lane"))
-        self._is_inner = has_role & (lines.double | (lines.pattern == "dashed"))
-        self._may_be_alone = has_role
-        self._is_edge = lines.role == "edge"
-        self._is_kerb = lines.form == "kerb"
-        self._is_unknown = self._is_paint & (lines.role == "")
-        self._length_m = lines.length_m
-        self._size = _sizes(lines)
-        #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
-        self.strays: set[int] = set()
-        self._accompanied: set[int] = set()
-        self._beside_edge: set[int] = set()
-        self._inside: dict[tuple[int, int], set[int]] = defaultdict(set)
-
-    def add(self, rows: Sequence[Sequence[_Bound]]) -> None:
-        """Take in what crosses the perpendiculars of a road."""
-        beside: Counter[int] = Counter()
-        for here in rows:
-            for i, j in combinations(range(len(here)), 2):
-                a, b = here[i], here[j]
-                apart = b.offset_m - a.offset_m
-                if (
-                    self._is_paint[a.line]
-                    and self._is_paint[b.line]
-                    and _DOUBLE_M < apart <= LANE_LIMITS_M[1]
-                ):
-                    self._accompanied |= {a.line, b.line}
-                    self._beside_edge |= {x.line for x, y in ((a, b), (b, a)) if self._is_edge[y.line]}
-                if (
-                    self._is_paint[a.line]
-                    and self._is_paint[b.line]
-                    and _NEITHER_M[0] < apart < _NEITHER_M[1]
-                ):
-                    shorter = min((a.line, b.line), key=lambda i: self._size[i])
-                    beside[shorter] += 1
-                # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
-                is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
-                if is_mixed:
-                    self._inside[a.line, b.line] |= {
-                        c.line for c in here[i + 1 : j] if self._is_paint[c.line]
-                    }
-        # For most of its length: where roads part, lines run together for a short while
-        for line, n in beside.items():
-            if self._is_unknown[line] and n * STATION_M > 0.5 * self._length_m[line]:
-                self.strays.add(line)
-
-    def has(self, pair: tuple[int, int]) -> bool:
-        """Return whether two neighbouring lines bound no lane."""
-        paint = [line for line in pair if self._is_paint[line]]
-        if any(self._is_short[line] for line in paint) or self._inside.get(pair, set()) - self.strays:
-            return True
-        if len(paint) != 1:
-            return not paint
-        # Who paints an edge line on one side does so on the other, where there is no kerb: it was not found
-        (boundary,) = (line for line in pair if line != paint[0])
-        if paint[0] in self._beside_edge and not self._is_kerb[boundary]:
-            return True
-        is_alone = self._may_be_alone[paint[0]] and paint[0] not in self._accompanied
-        return not (self._is_inner[paint[0]] or is_alone)
-
-
-def _sizes(lines: LineSet) -> list[tuple[float, float, list[list[float]]]]:
-    """Return what orders lines by length: of lines as long as each other by what was measured, then by their ends."""
-    step_m = np.hypot(*np.diff(lines.xyz[:, :2], axis=0).T)
-    owner = lines.line_of_vertex
-    is_measured = (owner[1:] == owner[:-1]) & ~lines.bridged[1:] & ~lines.bridged[:-1]
-    measured_m = np.bincount(owner[1:], np.where(is_measured, step_m, 0.0), len(lines))
-    # A tenth of a millimetre is no difference
-    lengths = zip(np.round(lines.length_m, 4).tolist(), np.round(measured_m, 4).tolist(), strict=True)
-    spans = pairwise(lines.offsets.tolist())
-    return [
-        (*both, sorted(lines.xyz[[a, b - 1]].tolist())) for both, (a, b) in zip(lengths, spans, strict=True)
-    ]
-
-
 def _settled(
     profiles: Sequence[_Profile],
     first_station: int,
-    barred: _Barred,
+    barred: BoundEvidence,
     wedges: Mapping[tuple[int, int], set[int]],
 ) -> list[_Profile]:
     """Return profiles without the lanes that more than one station speaks against.
@@ -380,7 +284,7 @@ class _Space(NamedTuple):
     is_measured: tuple[bool, bool]
 
 
-def _wedges(rows: Sequence[Sequence[_Bound]], least_m: float) -> dict[tuple[int, int], set[int]]:
+def _wedges(rows: Sequence[Sequence[Bound]], least_m: float) -> dict[tuple[int, int], set[int]]:
     """Return the stations at which two neighbouring lines run together until they are nearer than a lane is wide."""
     widths: dict[tuple[int, int], list[tuple[int, float]]] = defaultdict(list)
     for k, here in enumerate(rows):

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, distance_along
-from linework.lines.lane_sections import SINGLE_LANE_M, LaneRoad, LaneSection, lane_roads
+from linework.lines.lane_evidence import SINGLE_LANE_M
+from linework.lines.lane_sections import LaneRoad, LaneSection, lane_roads
 from linework.lines.names import with_ids
 from linework.model.lines import LineSet
 
@@ -18,6 +19,10 @@ from linework.model.lines import LineSet
 _MEETING_COSINE = 0.9962
 #: Standard deviations within which two ends are one place.
 _MEETING_SIGMAS = 3.0
+#: What an edge line that was not found lies inside the end of the carriageway: about 0.3 m, as edge strips of country roads
+#: are 0.25 to 0.5 m wide (German RAL 2012). Whether there is one is even odds: as a deviation it is 0.3 m times the root of a
+#: half, and as much less sure is where the lane ends. [m, factor]
+_UNFOUND_EDGE_SIGMA_M, _UNFOUND_EDGE_CONFIDENCE = 0.21, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +33,13 @@ class Lanes:
     ----------
     centre
         Their centrelines, of the kind "lane", every metre; heights are the mean of both bounds. Their ids follow from
-        the place, their confidences are those of both bounds and the share that was measured.
+        the place, their confidences are those of both bounds and the share that was measured, half of it where a lane
+        ends at the edge of a carriageway whose other side has an edge line.
     left_id, right_id
         (m,) str: ids of the lines to the left and right of the centreline's direction.
     width_m, width_min_m, width_max_m, sigma_width_m
-        (m,) mean, least and largest width of the stations, and standard deviation of the mean. [m]
+        (m,) mean, least and largest width of the stations, and standard deviation of the mean; it
+        includes an edge line that may be there and was not found. [m]
     measured_share
         (m,) share of the stations at which both bounds were measured.
     next_id
@@ -67,6 +74,10 @@ class _Piece(NamedTuple):
     def bounds(self) -> tuple[int, int]:
         section, j = self.spaces[0]
         return section.bounds[j], section.bounds[j + 1]
+
+    @property
+    def may_lack_edge_line(self) -> bool:
+        return self.bounds in self.road.without_edge_line
 
 
 def find_lanes(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> Lanes:
@@ -115,17 +126,20 @@ def _lanes(lines: LineSet, pieces: Sequence[_Piece]) -> Lanes:
         lefts.append(left)
         shares.append(float(is_measured.mean()))
         columns.append((width.mean(), width.min(), width.max(), float(np.sqrt((sigma**2).mean()))))
+    is_vague = np.array([piece.may_lack_edge_line for piece in pieces], dtype=bool)
     numbers = np.array([piece.bounds for piece in pieces], dtype=np.int64).reshape(-1, 2)
     table = np.array(columns, dtype=np.float64).reshape(-1, 4)
     share = np.array(shares, dtype=np.float64)
     right_xyz, left_xyz = (np.concatenate(x) if x else np.zeros((0, 3)) for x in (rights, lefts))
     sure = lines.confidence[numbers[:, 0]] * lines.confidence[numbers[:, 1]] * (0.5 + 0.5 * share)
+    sure = np.where(is_vague, _UNFOUND_EDGE_CONFIDENCE * sure, sure)
     centre = LineSet.from_lines(
         [(a + b) / 2 for a, b in zip(rights, lefts, strict=True)], crs=lines.crs, kind=["lane"] * len(pieces),
         confidence=np.round(sure, 4), width_m=table[:, 0],
     )  # fmt: skip
     centre = with_ids(centre, ())
     mean, least, most, sigma_width = table.T
+    sigma_width = np.where(is_vague, np.hypot(sigma_width, _UNFOUND_EDGE_SIGMA_M), sigma_width)
     return Lanes(
         centre, left_id=lines.id[numbers[:, 1]], right_id=lines.id[numbers[:, 0]], width_m=mean, width_min_m=least,
         width_max_m=most, sigma_width_m=sigma_width, measured_share=share,

@@ -1,0 +1,166 @@
+"""What speaks for and against lines as bounds of lanes, from all places where they lie side by side.
+
+Separate from `lane_sections`, which looks at one station at a time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from itertools import combinations, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from linework.lines.crosscuts import STATION_M
+from linework.model.lines import LineSet
+
+#: Widths of the spaces between bounds that belong to a road: below are gutters and double lines, above are squares. [m]
+LANE_LIMITS_M = (2.2, 6.0)
+#: Shorter paint along a road is as often a bay, a bus stop, letters or an arrow as the bound of a lane. Paint that continues
+#: counts as a whole: over a gap that hides it, at the same distance from the road to within two widths of a line. [m]
+_SHORTEST_BOUND_M = 20.0
+_CONTINUES_M, _SAME_OFFSET_M = 50.0, 0.3
+#: The lines of a double line are nearer than this. [m]
+_DOUBLE_M = 1.0
+#: Paint beside other paint: farther apart than a double line of two 0.15 m stripes with a gap of 0.2 m, and nearer than
+#: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. [m]
+_NEITHER_M = (0.5, 1.2)
+#: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
+#: rows of vehicles, as where the line between two lanes is worn away. [m]
+SINGLE_LANE_M = (2.2, 4.4)
+
+
+class Bound(NamedTuple):
+    """A line where it crosses a perpendicular: its number, offset, height, distance along it [m], sigma [m], flag."""
+
+    line: int
+    offset_m: float
+    up_m: float
+    along_m: float
+    sigma_m: float
+    bridged: bool
+
+
+class BoundEvidence:
+    """Pairs of lines that bound no lane, by what there is at all stations so far.
+
+    Between paint and the end of the carriageway is a lane only where the paint is no edge line: outside of these are
+    shoulders and parking strips. A role alone does not tell, since a line beside a wide shoulder is taken for a centre
+    line: it is double, or dashed, or the only line of paint.
+    """
+
+    def __init__(self, lines: LineSet) -> None:
+        self._is_paint = lines.kind == "lane_marking"
+        has_role = np.isin(lines.role, ("centre", "lane"))
+        self._is_inner = has_role & (lines.double | (lines.pattern == "dashed"))
+        self._may_be_alone = has_role
+        self._is_edge = lines.role == "edge"
+        self._is_kerb = lines.form == "kerb"
+        self._is_unknown = self._is_paint & (lines.role == "")
+        self._length_m = lines.length_m
+        self._size = _sizes(lines)
+        #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
+        self.strays: set[int] = set()
+        self._accompanied: set[int] = set()
+        self._beside_edge: set[int] = set()
+        self._continued_by: dict[int, set[int]] = defaultdict(set)
+        self._inside: dict[tuple[int, int], set[int]] = defaultdict(set)
+
+    def add(self, rows: Sequence[Sequence[Bound]]) -> None:
+        """Take in what crosses the perpendiculars of a road."""
+        beside: Counter[int] = Counter()
+        self._add_paint_that_continues(rows)
+        for here in rows:
+            for i, j in combinations(range(len(here)), 2):
+                a, b = here[i], here[j]
+                apart = b.offset_m - a.offset_m
+                if (
+                    self._is_paint[a.line]
+                    and self._is_paint[b.line]
+                    and _DOUBLE_M < apart <= LANE_LIMITS_M[1]
+                ):
+                    self._accompanied |= {a.line, b.line}
+                    self._beside_edge |= {x.line for x, y in ((a, b), (b, a)) if self._is_edge[y.line]}
+                if (
+                    self._is_paint[a.line]
+                    and self._is_paint[b.line]
+                    and _NEITHER_M[0] < apart < _NEITHER_M[1]
+                ):
+                    shorter = min((a.line, b.line), key=lambda i: self._size[i])
+                    beside[shorter] += 1
+                # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
+                is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
+                if is_mixed:
+                    self._inside[a.line, b.line] |= {
+                        c.line for c in here[i + 1 : j] if self._is_paint[c.line]
+                    }
+        # For most of its length: where roads part, lines run together for a short while
+        for line, n in beside.items():
+            if self._is_unknown[line] and n * STATION_M > 0.5 * self._length_m[line]:
+                self.strays.add(line)
+
+    def _add_paint_that_continues(self, rows: Sequence[Sequence[Bound]]) -> None:
+        """Take in which paint begins behind other paint, at the same distance from the road."""
+        first: dict[int, tuple[int, float]] = {}
+        last: dict[int, tuple[int, float]] = {}
+        for k, here in enumerate(rows):
+            for row in here:
+                if self._is_paint[row.line]:
+                    first.setdefault(row.line, (k, row.offset_m))
+                    last[row.line] = (k, row.offset_m)
+        for a, (end, offset_m) in last.items():
+            for b, (begin, other_m) in first.items():
+                if (
+                    0 < (begin - end) * STATION_M <= _CONTINUES_M
+                    and abs(other_m - offset_m) <= _SAME_OFFSET_M
+                ):
+                    self._continued_by[a].add(b)
+                    self._continued_by[b].add(a)
+
+    def _is_short(self, line: int) -> bool:
+        """Return whether a line, with the paint that continues it, is too short to bound a lane."""
+        others = sum(float(self._length_m[other]) for other in self._continued_by[line])
+        return float(self._length_m[line]) + others < _SHORTEST_BOUND_M
+
+    def without_edge_line(self, bounds: Iterable[tuple[int, ...]]) -> frozenset[tuple[int, int]]:
+        """Return the pairs of bounds of a paint with an edge line on its other side only, and no kerb, right one first.
+
+        Who paints an edge line on one side may have done so on the other, where it was not found.
+        """
+        pairs = {pair for lines in bounds for pair in pairwise(lines)}
+        return frozenset(pair for pair in pairs if self._may_lack_edge_line(pair))
+
+    def _may_lack_edge_line(self, pair: tuple[int, int]) -> bool:
+        return (
+            any(line in self._beside_edge for line in pair)
+            and sum(bool(self._is_paint[line]) for line in pair) == 1
+            and not any(self._is_kerb[line] for line in pair)
+        )
+
+    def has(self, pair: tuple[int, int]) -> bool:
+        """Return whether two neighbouring lines bound no lane."""
+        paint = [line for line in pair if self._is_paint[line]]
+        if any(self._is_short(line) for line in paint) or self._inside.get(pair, set()) - self.strays:
+            return True
+        if len(paint) != 1:
+            return not paint
+        # Where an edge line may be missing, a short edge of the pavement says as little as short paint
+        if self._may_lack_edge_line(pair) and any(self._is_short(line) for line in pair):
+            return True
+        is_alone = self._may_be_alone[paint[0]] and paint[0] not in self._accompanied
+        return not (self._is_inner[paint[0]] or is_alone)
+
+
+def _sizes(lines: LineSet) -> list[tuple[float, float, list[list[float]]]]:
+    """Return what orders lines by length: of lines as long as each other by what was measured, then by their ends."""
+    step_m = np.hypot(*np.diff(lines.xyz[:, :2], axis=0).T)
+    owner = lines.line_of_vertex
+    is_measured = (owner[1:] == owner[:-1]) & ~lines.bridged[1:] & ~lines.bridged[:-1]
+    measured_m = np.bincount(owner[1:], np.where(is_measured, step_m, 0.0), len(lines))
+    # A tenth of a millimetre is no difference
+    lengths = zip(np.round(lines.length_m, 4).tolist(), np.round(measured_m, 4).tolist(), strict=True)
+    spans = pairwise(lines.offsets.tolist())
+    return [
+        (*both, sorted(lines.xyz[[a, b - 1]].tolist())) for both, (a, b) in zip(lengths, spans, strict=True)
+    ]
