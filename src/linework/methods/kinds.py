@@ -89,7 +89,7 @@ def kinds_of_method(method: str) -> tuple[str, ...]:
     """Return the kinds that a method finds, in their fixed order; all for "auto" and for an unknown method.
 
     >>> kinds_of_method("radon")
-    ('guardrail', 'barrier', 'cable')
+    ('guardrail', 'barrier', 'fence', 'cable')
     """
     return {**KINDS_OF, **PUBLISHED_KINDS_OF}.get(method, ALL_KINDS)
 

@@ -138,7 +138,8 @@ def guardrail(road: Road, rail: Rail) -> Part:
     q = offset(s)[:, None] + rail.faces * rail.depth_m * (depth - 0.5)
     base = road.carriageway_height(s, rail.q_m)[:, None]
     at = np.unique(np.concatenate([road.truth_chainages(rail.start_m, rail.end_m), top.x, offset.x]))
-    beams, lines = [], []
+    beams: list[Mesh] = []
+    lines: list[TruthLine] = []
     for i in range(rail.n_beams):
         lower = i * rail.pitch_m
         above = np.maximum(top(s)[:, None] - lower, 0.0) + rail.beam_height_m * (height - 1.0)
