@@ -184,19 +184,16 @@ def test_object_storage_by_the_usual_environment(linework, tmp_path, monkeypatch
     assert "geheim" not in refused.stderr
 
 
-def test_copies_with_classes_need_the_file_here(linework, tmp_path, lines):
-    path = copc_file(tmp_path / "served" / "a.copc.laz", n=4000)
-    with file_server(path.parent) as server:
+def test_copies_with_classes_are_those_of_the_local_files(linework, tmp_path, survey, away, lines, server):
+    for source, out in ((survey, "here"), (away, "there")):
         done = linework(
-            "classify",
-            server.address(path.name),
-            "--lines",
-            lines,
-            "-o",
-            tmp_path / "out",
-            "--crs",
-            "EPSG:25832",
-            "--quiet",
-        )
-    assert done.code == 3, done.stderr
-    assert "is not on this machine" in done.stderr
+            "classify", source, "--lines", lines, "-o", tmp_path / out, "--allow-remote", "--work", tmp_path / f"w-{out}",
+            "--workers", "1", "--quiet",
+        )  # fmt: skip
+        assert done.code == 0, done.stderr
+    here, there = ({p.name: sha(p) for p in (tmp_path / out).glob("*.laz")} for out in ("here", "there"))
+    assert here == there and len(here) == len(list((survey / "points").iterdir()))
+    # Nothing that was fetched stays, and the record names the addresses
+    assert sorted(p.name for p in (tmp_path / "there").iterdir()) == sorted([*there, "classes.json"])
+    record = json.loads((tmp_path / "there" / "classes.json").read_text())
+    assert {file["file"] for file in record["files"]} == {server.address(name) for name in there}

@@ -15,7 +15,7 @@ from linework.errors import PartialError, UsageError, argument
 from linework.files.output.locks import reserve_folder
 from linework.files.output.publish import publish_folder
 from linework.files.output.record import hash_file, write_json
-from linework.files.remote.address import check_here
+from linework.files.remote.address import address_text
 from linework.files.vectors.read_write import read_usable_lines
 from linework.library.opened import (
     GivenSettings,
@@ -169,7 +169,6 @@ def classify_files(
         steps = RunSteps(held.enter_context(display_of(progress)))
         work_path = held.enter_context(temporary_work(work))
         survey = given_survey(src, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
-        check_here(survey.point_files, "copy it here first: its copy gets the classes")
         recordings = held.enter_context(
             opened_source(
                 survey,
@@ -276,7 +275,7 @@ def _record(opened: OpenedSurvey, lines: LineSet, found: ClassifiedFiles, steps:
         ],
         "files": [
             {
-                "file": str(path),
+                "file": address_text(path),
                 "sha256": opened.hashes.get(path) or hash_file(path),
                 "copy": name,
                 "points": {kind.name.lower(): n for kind, n in copied.counts.items()},

@@ -19,6 +19,8 @@ from linework.files.las.copy import CopiedFile, check_copy, copy_classified
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import LasHeader, read_las_header
 from linework.files.output.parts import read_path_part, write_part
+from linework.files.remote.address import address_text
+from linework.files.remote.copies import RemoteCopies
 from linework.files.store.cell_tiles import TileNumber
 from linework.files.store.layout import STORE_BLOCK_M
 from linework.files.store.read import PointStore
@@ -293,6 +295,8 @@ def _stem(name: str) -> str:
 def copy_files(opened: OpenedSurvey, tiles: TiledClasses, folder: Path, advance: Advance) -> ClassifiedFiles:
     """Write copies of the files of a survey to a folder; files that cannot be copied are left out and listed.
 
+    Files at an address are fetched into the folder for as long as their copies are written.
+
     Raises
     ------
     MachineError
@@ -306,20 +310,24 @@ def copy_files(opened: OpenedSurvey, tiles: TiledClasses, folder: Path, advance:
     n_all = sum(file.n_promised for file in files)
     copies, failures, first = dict[str, tuple[Path, CopiedFile]](), list[Failure](), list[InputError]()
     n_before = 0
+    fetched = RemoteCopies(folder, lambda *_: None)
     for file in files:
         target = folder / names[file.path]
         target.parent.mkdir(parents=True, exist_ok=True)
         report = partial(_advance_by, advance, n_before, n_all)
         try:
-            header = _header_of_laser_file(file.path)
+            own = fetched.local(file.path)
+            header = _header_of_laser_file(own)
             crs = resolve_crs(header.projection, opened.survey.settings.get("crs"), where=file.path)
-            copied = copy_classified(file.path, target, crs.factors, classifier, report)
+            copied = copy_classified(own, target, crs.factors, classifier, report)
             check_copy(target, file.n_promised)
             copies[names[file.path]] = file.path, copied
         except InputError as error:
             target.unlink(missing_ok=True)
             first.append(error)
-            failures.append(Failure("file", str(file.path), str(error)))
+            failures.append(Failure("file", address_text(file.path), str(error)))
+        finally:
+            fetched.drop(file.path)
         n_before += file.n_promised
         advance(n_before, n_all)
     if not copies:

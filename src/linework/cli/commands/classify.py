@@ -56,7 +56,6 @@ def classify_command(
     with contextlib.ExitStack() as held:
         held.enter_context(reserve_folder(output, overwrite=overwrite, inputs=[lines, trajectory, config]))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.files.remote.address import check_here
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import read_usable_lines
         from linework.library.classify import RECORD, classified_problem, classify_recordings
@@ -69,7 +68,6 @@ def classify_command(
 
         settings, steps = read_settings(config), RunSteps(display)
         survey = open_survey(surveys, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote)
-        check_here(survey.point_files, "copy it here first: its copy gets the classes")
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         given, left_out = read_usable_lines(lines, crs=survey.crs)

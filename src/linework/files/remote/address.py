@@ -7,7 +7,6 @@ An address travels as a path, like any other input. Paths drop one of its slashe
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -99,19 +98,6 @@ def remote_names(names: list[str], where: Path, *, allow_remote: bool) -> list[P
     for path in found:
         check_address(path)
     return found
-
-
-def check_here(paths: Iterable[Path], advice: str) -> None:
-    """Refuse points at an address, for what works on files of this machine alone.
-
-    Raises
-    ------
-    InputError
-        One is at an address.
-    """
-    for path in paths:
-        if is_remote(path):
-            raise InputError("is not on this machine", where=path, advice=advice)
 
 
 def _public(path: Path) -> str:
