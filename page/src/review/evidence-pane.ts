@@ -93,6 +93,8 @@ export class EvidencePane implements Pane {
     context.drawImage(left, 0, 0, canvas.width, canvas.height);
     for (const line of lines) if (item.ids.includes(line.id)) drawLine(context, line, canvas.width / width, brightened(this.app.colour(line.kind)));
     const title = `Show pair ${pair.number}, ${pair.chainage_m.toFixed(1)} m along the drive`;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${this.app.title(item.kind)} in pair ${pair.number}`);
     return element("button", { type: "button", title, "aria-label": title, click: () => this.app.emit("pair", pair.number) }, canvas);
   }
 }
