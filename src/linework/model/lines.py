@@ -19,8 +19,8 @@ from linework.model.lineset.report import Report
 
 #: The kinds of line, in the order of their layers.
 KINDS = (
-    "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "guardrail",
-    "barrier", "fence", "cable",
+    "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "edge_other",
+    "guardrail", "barrier", "fence", "cable",
 )  # fmt: skip
 
 #: Kind of the lines that were measured and not taken, which are only written on request: see `candidate_kind`.

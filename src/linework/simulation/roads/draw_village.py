@@ -94,7 +94,11 @@ def _edge_stones(rng: np.random.Generator, q: float, span: tuple[float, float]) 
     if rng.random() < 0.5:
         a, b = sorted((q, q - sign * uniform(rng, 0.15, 0.5)))
         shade = uniform(rng, 1.3, 2.2) if rng.random() < 0.7 else uniform(rng, 0.5, 0.8)
-        found.append(Stain(start_m=span[0], end_m=span[1], right_m=a, left_m=b, shade=shade, soft_m=0.01))
+        found.append(
+            Stain(
+                start_m=span[0], end_m=span[1], right_m=a, left_m=b, shade=shade, soft_m=0.01, role="gutter"
+            )
+        )
     return found
 
 

@@ -62,7 +62,8 @@ class Island:
 class Stain:
     """A rectangle of ground that is `shade` times as bright, fading at its edges over `soft_m`: no paint, no truth.
 
-    Wheel tracks, patches, tar seams, wet places, joints, manhole covers, kerb stones, what is left of old paint.
+    Wheel tracks, patches, tar seams, wet places, joints, manhole covers, kerb stones, what is left of old paint. A "gutter"
+    has its `role`.
     """
 
     start_m: float
@@ -71,6 +72,7 @@ class Stain:
     left_m: float
     shade: float
     soft_m: float = 0.02
+    role: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
