@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from benchmarks._edge_roles import role_lengths
 from benchmarks._failures import Cause, Stages, failures
 from benchmarks._real_worlds import false_m
 from linework.evaluation.measures import match_lines, score
@@ -20,6 +21,7 @@ from linework.methods.obb.method import OBB_KINDS, Obb
 from linework.methods.radon.method import Radon
 from linework.model.boxes import BoxSet
 from linework.model.lines import KINDS, LineSet
+from linework.simulation.scene.parallel_edges import parallel_edges
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey
 from linework.surface.road import find_ground
 
@@ -35,6 +37,9 @@ class SceneResult:
     scene: str
     parts: list[KindMatch] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
+    #: Metres of edges beside boundaries by true and found role, and of boundaries by form.
+    roles: Counter[tuple[str, str]] = field(default_factory=Counter)
+    forms: Counter[tuple[str, str]] = field(default_factory=Counter)
     seconds: float = 0.0
     hectares: float = 0.0
 
@@ -57,6 +62,10 @@ def scored_scene(survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResul
     found, stages = with_stages(survey, kinds)
     seconds = time.perf_counter() - start
     found = found.with_columns(crs=survey.truth.crs)
+    # The edges beside boundaries have roles, but no complete truth
+    into.roles += role_lengths(found["edge_other"], parallel_edges(survey.scenario), "role")
+    into.forms += role_lengths(found["road_boundary"], survey.truth["road_boundary"], "form")
+    kinds = [kind for kind in kinds if kind != "edge_other"]
     parts = match_lines(found, survey.truth, kinds=kinds)
     causes = failures(found, survey.truth, stages, kinds, TOLERANCE_M)
     into.parts += parts
@@ -159,6 +168,8 @@ def summed(results: Sequence[SceneResult]) -> SceneResult:
     for result in results:
         whole.parts += result.parts
         whole.causes += result.causes
+        whole.roles += result.roles
+        whole.forms += result.forms
         whole.seconds += result.seconds
         whole.hectares += result.hectares
     return whole

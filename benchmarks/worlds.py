@@ -10,6 +10,7 @@ on the seeds that are reported.
 
 import argparse
 
+from benchmarks._edge_roles import roles_table
 from benchmarks._real_worlds import checked_data, real_table, real_worlds
 from benchmarks._simulated_worlds import (
     SceneResult,
@@ -38,7 +39,11 @@ def main(arguments=()):
         print_tables([real_table(real_worlds(checked_data(options.data), names))])
     if options.roads != NONE:
         results = scenes_of(options)
-        print_tables([scores_table(results), causes_table(results), causes_table([summed(results)])])
+        tables = [scores_table(results), causes_table(results), causes_table([summed(results)])]
+        every = [*results, summed(results)]
+        for title, of in (("Roles of edges beside boundaries", "roles"), ("Forms of boundaries", "forms")):
+            tables.append(roles_table(title, [(result.scene, getattr(result, of)) for result in every]))
+        print_tables(tables)
 
 
 def parsed(arguments):

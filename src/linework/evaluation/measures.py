@@ -159,8 +159,10 @@ def match_lines(
                 where="evaluate",
             )
     reach_m = max(tolerance_m, *curve_m)
-    # Candidates were not taken: they count only where they are named
-    there = (kind for kind in kinds_in(extracted, reference) if kind != CANDIDATE)
+    # Candidates were not taken, and few references have the edges beside boundaries: they count where they are named
+    there = [kind for kind in kinds_in(extracted, reference) if kind != CANDIDATE]
+    if "edge_other" not in kinds_in(reference):
+        there = [kind for kind in there if kind != "edge_other"]
     chosen = tuple(there if kinds is None else kinds)
     parts = (match_kind(extracted, reference, kind, reach_m) for kind in chosen)
     return tuple(replace(part, dash_end_m=dash_end_m) for part in parts)

@@ -9,7 +9,14 @@ from linework.model.lines import KINDS
 
 #: Kinds that each method finds; "auto" stands for all methods.
 KINDS_OF = {
-    "obb": ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top"),
+    "obb": (
+        "lane_marking",
+        "lane_marking_dash",
+        "road_marking_other",
+        "road_boundary",
+        "kerb_top",
+        "edge_other",
+    ),
     "radon": ("guardrail", "barrier", "fence", "cable"),
     "stereo": ("lane_marking", "lane_marking_dash"),
 }

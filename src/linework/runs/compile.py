@@ -20,7 +20,7 @@ from linework.runs.steps import Advance, RunSteps
 #: and of further columns of points, by their names in `linework.kernels.called_with`.
 _GROUP_OF = {
     "lane_marking": "paint", "lane_marking_dash": "paint", "road_marking_other": "paint",
-    "road_boundary": "boundaries", "kerb_top": "boundaries",
+    "road_boundary": "boundaries", "kerb_top": "boundaries", "edge_other": "boundaries",
     "guardrail": "rails", "barrier": "rails", "cable": "cables",
     "stereo": "pairs", "trajectory": "trajectory", "points": "points", "columns": "columns",
     "classes": "classes",

@@ -11,10 +11,11 @@ from linework.model.lines import CANDIDATE, CONDITIONS, KINDS, REVIEWS, LineSet
 
 #: Values that can be chosen for a column; "" clears it.
 CHOICES: Mapping[str, tuple[str, ...]] = {
-    "role": ("edge", "lane", "centre"),
+    "role": ("edge", "lane", "centre", "gutter", "footway_back", "verge", "wall_foot"),
     "pattern": ("solid", "dashed"),
     "form": (
         "kerb",
+        "drop",
         "edge",
         "barrier",
         "zebra",
@@ -37,10 +38,18 @@ LONGEST_REVIEW_NOTE = 500
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
 #: The kinds that a column applies to, where it does not apply to all; lines of other kinds leave them empty.
 KINDS_WITH: Mapping[str, tuple[str, ...]] = {
-    "role": ("lane_marking", "lane_marking_dash"),
+    "role": ("lane_marking", "lane_marking_dash", "edge_other"),
     "pattern": ("lane_marking", "lane_marking_dash"),
     "double": ("lane_marking",),
-    "form": ("road_boundary", "kerb_top", "road_marking_other", "guardrail", "barrier", "fence"),
+    "form": (
+        "road_boundary",
+        "kerb_top",
+        "edge_other",
+        "road_marking_other",
+        "guardrail",
+        "barrier",
+        "fence",
+    ),
     "width_m": _PAINT,
     "height_m": tuple(kind for kind in KINDS if kind not in _PAINT),
     "lower_m": ("guardrail", "barrier", "fence"),

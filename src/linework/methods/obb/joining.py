@@ -28,6 +28,10 @@ from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.arrangement import (
     BEHIND_KERB_M,
+    GUTTER,
+    HIDDEN,
+    NOTHING_IN_FRONT,
+    OUTWEIGHED,
     SEAM_M,
     along_lines,
     behind_boundaries,
@@ -41,6 +45,7 @@ from linework.methods.tracking.arrangement import (
     roles,
 )
 from linework.methods.tracking.boundary_lines import SmoothBoundary
+from linework.methods.tracking.edge_roles import edge_roles
 from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
 from linework.methods.tracking.neighbours import LineAxis, axes_of_path
@@ -56,6 +61,8 @@ KERB_SIDE_M = 1.0
 SURE = 0.9
 #: Greatest width of a bar of a crossing or a stop line: wider bright areas are not paint. [m]
 WIDEST_BAR_M = 1.0
+#: Edges that were not taken for these reasons may have a role beside a boundary.
+MAY_HAVE_ROLE = (KERB_BED, GUTTER, HIDDEN, NOTHING_IN_FRONT, OUTWEIGHED)
 #: Kerb stones are brighter than asphalt and up to 0.3 m wide: stripes so far behind a kerb's foot are not paint, nor
 #: those this near in front of it, as paint keeps clear of the foot. [m]
 KERB_STONE_M, ON_FOOT_M = 0.45, 0.04
@@ -79,6 +86,10 @@ class Joining:
         Changes of the ground, of which some are boundaries.
     markings, other
         Lane markings, and other paint.
+    beside
+        Edges that were measured close beside a kerb.
+    parallel
+        Edges beside the boundaries, each with its role.
     keeps_candidates
         Whether lines are kept that are not taken, and boxes that are explained otherwise are tracked, too.
     candidates
@@ -94,6 +105,8 @@ class Joining:
     changes: Sequence[SmoothBoundary] = ()
     markings: Sequence[SmoothMarking] = ()
     other: Sequence[SmoothMarking] = ()
+    beside: Sequence[SmoothBoundary] = ()
+    parallel: Sequence[tuple[SmoothBoundary, str]] = ()
     keeps_candidates: bool = False
     candidates: Sequence[Candidate] = ()
 
@@ -189,7 +202,7 @@ def keep_consistent(now: Joining) -> Joining:
     """Drop lines that contradict others: markings off the carriageway, boundaries of none, pieces of other lines."""
     path = now.path
     why = ends_of_carriageway(now)
-    now = _aside(now, left_out(now.changes, "road_boundary", why))
+    edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(now.changes, "road_boundary", why)
     changes = [line for line, reason in zip(now.changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
     is_change = np.arange(len(boundaries)) >= len(now.boundaries)
@@ -206,8 +219,9 @@ def keep_consistent(now: Joining) -> Joining:
     markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
     # A boundary has a carriageway in front of it and none behind it
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(markings), path)
-    now = _aside(now, left_out(boundaries, "road_boundary", why))
+    edges += left_out(boundaries, "road_boundary", why)
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
+    now = with_parallel_edges(replace(now, boundaries=boundaries), edges)
     # Bars and arrows stand alone: paint that runs along a line is a piece of that line
     lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]
     is_piece = along_lines(axes_of_lines(now.other), lines, KERB_STONE_M)
@@ -215,7 +229,27 @@ def keep_consistent(now: Joining) -> Joining:
     why = np.where(is_piece, PIECE, np.where(is_faint, FAINT, ""))
     now = _aside(now, left_out(now.other, "road_marking_other", why))
     other = [m for m, reason in zip(now.other, why, strict=True) if not reason]
-    return replace(now, markings=markings, other=other, boundaries=boundaries)
+    return replace(now, markings=markings, other=other)
+
+
+def with_parallel_edges(now: Joining, edges: Sequence[Candidate]) -> Joining:
+    """Return what is known with those edges that have a role beside a boundary; the others were not taken."""
+    lines = [edge.line for edge in edges if isinstance(edge.line, SmoothBoundary)]
+    # What is inside the carriageway, and strips of it, have no role outside of it
+    has_place = np.array([edge.reason in MAY_HAVE_ROLE for edge in edges], dtype=np.bool_)
+    is_wall = np.array([line.form == "barrier" for line in lines], dtype=np.bool_)
+    evidence = np.array([_evidence(line) for line in lines])
+    height_m = np.array([np.median(line.height_m) for line in lines])
+    is_kerb = np.array([b.form == "kerb" for b in now.boundaries], dtype=np.bool_)
+    axes = axes_of_lines(lines)
+    found = np.full(len(lines), "", dtype=object)
+    at = np.flatnonzero(has_place)
+    found[at] = edge_roles(
+        [axes[i] for i in at], is_wall[at], height_m[at], evidence[at], axes_of_lines(now.boundaries), is_kerb
+    )
+    parallel = [(line, role) for line, role in zip(lines, found.tolist(), strict=True) if role]
+    rest = [edge for edge, role in zip(edges, found.tolist(), strict=True) if not role]
+    return _aside(replace(now, parallel=parallel), rest)
 
 
 def ends_of_carriageway(now: Joining) -> AnyArray:
@@ -270,6 +304,7 @@ def _taken(now: Joining) -> LineSet:
         ),
         boundary_lines.boundary_line_set(now.boundaries),
         boundary_lines.top_lines(now.boundaries),
+        boundary_lines.edge_lines(now.parallel),
     ])  # fmt: skip
 
 
@@ -282,9 +317,8 @@ def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
     """Track the boxes of one form, without those beside a kerb."""
     boxes = now.boxes[form]
     beside = beside_kerb(boxes, axes_of_lines(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
-    if now.keeps_candidates:
-        now, beds = _boundaries(now, boxes.take(beside))
-        now = _aside(now, left_out(beds, "road_boundary", KERB_BED))
+    now, beds = _boundaries(now, boxes.take(beside))
+    now = replace(now, beside=[*now.beside, *beds])
     now, found = _boundaries(now, boxes.take(~beside))
     return replace(now, boundaries=[*now.boundaries, *found])
 

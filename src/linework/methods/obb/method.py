@@ -51,7 +51,9 @@ _NAMES_OF_STEPS = (
     "paint",
     "consistent lines",
 )
-OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
+OBB_KINDS = (
+    "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "edge_other",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -242,4 +244,4 @@ class Obb:
     @property
     def _seeks_boundaries(self) -> bool:
         # Edge lines are told from lane lines by the boundary beside them
-        return any(kind in ("road_boundary", "kerb_top", "lane_marking") for kind in self.kinds)
+        return any(kind in ("road_boundary", "kerb_top", "edge_other", "lane_marking") for kind in self.kinds)

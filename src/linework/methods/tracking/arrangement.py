@@ -128,11 +128,11 @@ def outweighed(
     inside = is_path & (np.abs(n.across_m) < HALF_VEHICLE_M)
     seam = is_lane & (n.across_m < -BESIDE_KERB_M) & (n.across_m > -SEAM_M)
     why = np.full(m, "", dtype=object)
-    why[_share_of_stations(n, own & (inside | seam), every)[:m] > _SOME] = DRIVEN_OVER
+    why[share_of_stations(n, own & (inside | seam), every)[:m] > _SOME] = DRIVEN_OVER
     # Wheel tracks and strips of other asphalt are as bright on one side as on the other
     shade = np.concatenate([shades * 1.0, np.zeros(len(every) - m)])
     strip = (shade[n.line] * shade[n.other] * n.facing < 0.0) & (np.abs(n.across_m) < SHADE_STRIP_M)
-    why[(why == "") & (_share_of_stations(n, strip, every)[:m] > _SOME)] = STRIP
+    why[(why == "") & (share_of_stations(n, strip, every)[:m] > _SOME)] = STRIP
     # Grass, soil and stone are brighter than asphalt
     why[(why == "") & (shades < 0)] = DARKER
     why[is_known] = ""
@@ -143,7 +143,7 @@ def outweighed(
     for i in np.lexsort((np.arange(m), -evidence)).tolist():
         stronger = (is_stronger | known) if shades[i] else is_stronger
         rival = (n.line == i) & ~is_lane & (n.facing > 0.0) & stronger[n.other]
-        if not why[i] and not is_known[i] and _share_of_stations(n, rival, every)[i] > _SOME:
+        if not why[i] and not is_known[i] and share_of_stations(n, rival, every)[i] > _SOME:
             why[i] = OUTWEIGHED
         is_stronger[i] = not why[i] and weighs[i]
     return why.astype(np.str_)
@@ -181,20 +181,20 @@ def bounds_carriageway(
     kerb = np.concatenate([is_kerb, np.zeros(len(lanes), dtype=np.bool_)])
     counts = is_lane | kerb[n.other] | ~kerb[n.line]
     ahead = own & counts & (n.across_m > 0.0)
-    first = _nearest_per_station(n, ahead)
+    first = nearest_per_station(n, ahead)
     in_front = first & (is_lane | (n.facing < 0.0))
     behind = own & (n.across_m < 0.0) & ~kerb[n.line]
     sure = np.concatenate([is_sure, np.zeros(len(lanes), dtype=np.bool_)])
     seam = behind & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
     gutter = behind & kerb[n.other] & (n.across_m > -WIDEST_GUTTER_M) & (n.facing > 0.0)
     every = [*axes, *lanes]
-    good = _share_of_stations(n, in_front, every)[:m] > _MOST
+    good = share_of_stations(n, in_front, every)[:m] > _MOST
     # A kerb shows on which side its carriageway is; without a path, and paint near it, so does every boundary
-    hidden = _share_of_stations(n, first & ~in_front, every)[:m] > _MOST
-    is_alone = (not has_path) & (_share_of_stations(n, own & is_lane, every)[:m] <= _MOST)
+    hidden = share_of_stations(n, first & ~in_front, every)[:m] > _MOST
+    is_alone = (not has_path) & (share_of_stations(n, own & is_lane, every)[:m] <= _MOST)
     good |= ~hidden & (is_kerb | is_alone)
-    bad = _share_of_stations(n, seam | gutter, every)[:m] > _MOST
-    is_gutter = bad & (_share_of_stations(n, gutter, every)[:m] >= _share_of_stations(n, seam, every)[:m])
+    bad = share_of_stations(n, seam | gutter, every)[:m] > _MOST
+    is_gutter = bad & (share_of_stations(n, gutter, every)[:m] >= share_of_stations(n, seam, every)[:m])
     why = np.where(is_gutter, GUTTER, np.where(bad, SEAM, np.where(hidden, HIDDEN, NOTHING_IN_FRONT)))
     return np.where(_with_continued(axes, is_kerb, good & ~bad), "", why)
 
@@ -214,7 +214,7 @@ def _with_continued(axes: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArra
     return kept
 
 
-def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
+def nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
     """Return which of the chosen neighbours are the nearest at their station, (k,) bool."""
     index = np.flatnonzero(chosen)
     order = index[np.lexsort((np.abs(n.across_m[index]), n.station[index]))]
@@ -251,9 +251,9 @@ def has_road_behind(
     decided = np.zeros(m, dtype=np.bool_)
     for is_lane in (is_path, ~is_bound & (np.abs(n.across_m) > BESIDE_KERB_M)):
         counts = own & (is_lane | is_bound)
-        ahead = _nearest_per_station(n, counts & (n.across_m > 0.0)) & is_lane
-        behind = _nearest_per_station(n, counts & (n.across_m < 0.0)) & is_lane
-        in_front, at_back = (_share_of_stations(n, side, every)[:m] for side in (ahead, behind))
+        ahead = nearest_per_station(n, counts & (n.across_m > 0.0)) & is_lane
+        behind = nearest_per_station(n, counts & (n.across_m < 0.0)) & is_lane
+        in_front, at_back = (share_of_stations(n, side, every)[:m] for side in (ahead, behind))
         out |= ~decided & (at_back > _MOST) & (in_front < at_back - _MOST)
         decided |= np.maximum(in_front, at_back) > _MOST
     return out
@@ -270,10 +270,10 @@ def behind_boundaries(
     n = find_neighbours([*lanes, *bounds], BEHIND_KERB_M)
     reach = np.concatenate([np.zeros(m), width_m])
     near = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) <= reach[n.other])
-    first = _nearest_per_station(n, near)
+    first = nearest_per_station(n, near)
     # The carriageway is on the left of the boundary: a marking on its right is behind
     behind = first & (n.across_m * n.facing > 0.0)
-    return np.asarray(_share_of_stations(n, behind, [*lanes, *bounds])[:m] > _MOST)
+    return np.asarray(share_of_stations(n, behind, [*lanes, *bounds])[:m] > _MOST)
 
 
 def along_lines(bars: Sequence[LineAxis], lines: Sequence[LineAxis], reach_m: float) -> BoolArray:
@@ -281,13 +281,13 @@ def along_lines(bars: Sequence[LineAxis], lines: Sequence[LineAxis], reach_m: fl
     m = len(bars)
     n = find_neighbours([*bars, *lines], reach_m)
     beside = (n.line < m) & (n.other >= m)
-    return np.asarray(_share_of_stations(n, beside, [*bars, *lines])[:m] > _MOST)
+    return np.asarray(share_of_stations(n, beside, [*bars, *lines])[:m] > _MOST)
 
 
 def is_double(axes: Sequence[LineAxis]) -> BoolArray:
     """Return which markings are one of a double line for most of their length, (m,) bool."""
     n = find_neighbours(axes, DOUBLE_M)
-    return np.asarray(_share_of_stations(n, np.ones(len(n.line), dtype=np.bool_), axes) > _MOST)
+    return np.asarray(share_of_stations(n, np.ones(len(n.line), dtype=np.bool_), axes) > _MOST)
 
 
 def paint_forms(bars: Sequence[LineAxis], road: Sequence[LineAxis]) -> list[str]:
@@ -413,7 +413,7 @@ def _typical(across: FloatArray, station: AnyArray, n_stations: int) -> float:
     return float(np.median(nearest)) if len(nearest) > _OFTEN * n_stations else np.inf
 
 
-def _share_of_stations(n: Neighbours, chosen: BoolArray, axes: Sequence[LineAxis]) -> FloatArray:
+def share_of_stations(n: Neighbours, chosen: BoolArray, axes: Sequence[LineAxis]) -> FloatArray:
     """Return the share of each line's stations with a chosen neighbour, (m,)."""
     stations = np.unique(n.station[chosen])
     owner = np.repeat(np.arange(len(axes)), [len(c.xy) for c in axes])

@@ -92,6 +92,7 @@ _TITLES = {
     "road_marking_other": "Other marking",
     "road_boundary": "Road boundary",
     "kerb_top": "Kerb top",
+    "edge_other": "Other edge",
     "guardrail": "Guardrail",
     "barrier": "Barrier",
     "fence": "Fence",
