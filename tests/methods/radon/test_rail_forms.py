@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.methods.rails.sections import CELL_M, DEPTHS_M, HALF_WIDTH_M, form_of_section
+from linework.methods.rails.sections import DEPTHS_M, HALF_SECTION_M, SECTION_CELL_M, form_of_section
 
 #: Height of the followed edge above the ground. [m]
 TOP_M = 0.80
@@ -17,8 +17,8 @@ def section(parts):
     u, z = np.concatenate(parts, axis=0).T
     u, z = u + rng.normal(0.0, 0.008, len(u)), z + rng.normal(0.0, 0.002, len(z))
     edges = (
-        np.arange(DEPTHS_M[0], DEPTHS_M[1] + 0.5 * CELL_M, CELL_M),
-        np.arange(-HALF_WIDTH_M, HALF_WIDTH_M + 0.5 * CELL_M, CELL_M),
+        np.arange(DEPTHS_M[0], DEPTHS_M[1] + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+        np.arange(-HALF_SECTION_M, HALF_SECTION_M + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
     )
     return np.histogram2d(z, u, bins=edges)[0]
 

@@ -1,4 +1,4 @@
-"""Guardrails told their forms, and what else has the cross-section of a rail, a concrete barrier or a fence.
+"""What guardrails are by form, and what else has the cross-section of a rail, a concrete barrier or a fence.
 
 Separate from `rail_lines`, which decides by the vertical profile alone: this adds what the whole section shows.
 """
@@ -20,7 +20,7 @@ from linework.methods.rails.forms import (
     forms_along,
     is_agreed,
 )
-from linework.methods.rails.placed import Placed, Stretch, near_stretches, place_rails
+from linework.methods.rails.placed import PlacedRail, Stretch, near_stretches, place_rails
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.verdict import NodeScores
 from linework.surface.road import Ground
@@ -48,7 +48,7 @@ class Surroundings:
 def with_forms(
     found: list[Stretch],
     barriers: list[Stretch],
-    placed: list[Placed],
+    placed: list[PlacedRail],
     verdicts: list[NodeScores],
     around: Surroundings,
 ) -> list[Stretch]:
@@ -64,7 +64,7 @@ def with_forms(
         What they were fitted to and with.
     """
     kept: list[Stretch] = []
-    shown: list[tuple[Placed, NodeScores, FormedStretch]] = []
+    shown: list[tuple[PlacedRail, NodeScores, FormedStretch]] = []
     least = round(around.config.min_length_m / around.circles.spacing_m) + 1
     for p, verdict in zip(placed, verdicts, strict=True):
         own = [s for s in found if s.placed is p]
@@ -91,7 +91,7 @@ def with_forms(
 
 
 def _each_once(
-    shown: list[tuple[Placed, NodeScores, FormedStretch]], taken: list[Stretch], around: Surroundings
+    shown: list[tuple[PlacedRail, NodeScores, FormedStretch]], taken: list[Stretch], around: Surroundings
 ) -> list[Stretch]:
     """Return the lines of stretches, the longest first, without those that mostly run on a line before them."""
     lines: list[Stretch] = []
@@ -108,7 +108,7 @@ def _score(verdict: NodeScores, stretch: FormedStretch) -> FloatArray:
 
 
 def _lines_of(
-    p: Placed, verdict: NodeScores, stretch: FormedStretch, around: Surroundings
+    p: PlacedRail, verdict: NodeScores, stretch: FormedStretch, around: Surroundings
 ) -> Iterator[Stretch]:
     """Yield the lines of a stretch, fitted again."""
     section, run = stretch.section, stretch.run

@@ -20,7 +20,7 @@ NEW_JERSEY_FOOT_M = 0.35
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedRail:
     """A fitted rail in world coordinates.
 
     Parameters
@@ -41,7 +41,7 @@ class Placed:
     chainage: FloatArray
 
 
-def place_rails(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[Placed]:
+def place_rails(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[PlacedRail]:
     """Return the rails in world coordinates, their heights looked up at once."""
     if not rails:
         return []
@@ -52,7 +52,7 @@ def place_rails(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[Pl
     height = height_above_road(surface, xyz).astype(np.float64)
     ground = height_above_ground(surface, xyz).astype(np.float64)
     return [
-        Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
+        PlacedRail(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
         for rail, (a, b) in zip(rails, ends, strict=True)
     ]
 
@@ -74,7 +74,7 @@ class Stretch:
     """
 
     kind: str
-    placed: Placed
+    placed: PlacedRail
     run: slice
     score: FloatArray
     verdict: NodeScores

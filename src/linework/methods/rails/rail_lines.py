@@ -12,7 +12,7 @@ from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
 from linework.methods.rails.formed import Surroundings, with_forms
-from linework.methods.rails.placed import NEW_JERSEY_FOOT_M, Placed, Stretch, place_rails
+from linework.methods.rails.placed import NEW_JERSEY_FOOT_M, PlacedRail, Stretch, place_rails
 from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, near_chosen
@@ -47,7 +47,7 @@ _LEAST_ACROSS_M = 0.12
 _LEVEL_M, _CROSSFALL = 0.10, 0.06
 
 
-def _judged(placed: list[Placed], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
+def _judged(placed: list[PlacedRail], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
     """Return the scores of each rail; rails are many and short, so all are classified at once."""
     if not placed:
         return []
@@ -62,7 +62,7 @@ def _judged(placed: list[Placed], paired: list[BoolArray], config: ProfileConfig
 
 
 def _judged_again(
-    placed: list[Placed], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
+    placed: list[PlacedRail], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
 ) -> list[NodeScores]:
     """Return the scores, recomputed for rails with another one beside them."""
     changed = [i for i, own in enumerate(paired) if own.any()]
@@ -108,7 +108,7 @@ def rail_lines(
     return _as_lines(with_forms(found, barriers, placed, verdicts, around), core)
 
 
-def _guardrails(placed: list[Placed], verdicts: list[NodeScores], config: ProfileConfig) -> list[Stretch]:
+def _guardrails(placed: list[PlacedRail], verdicts: list[NodeScores], config: ProfileConfig) -> list[Stretch]:
     """Return the stretches that are guardrails, each without a rail beside it."""
     return [
         Stretch("guardrail", p, *stretch, verdict, np.zeros(len(p.xyz), dtype=bool))
@@ -117,7 +117,7 @@ def _guardrails(placed: list[Placed], verdicts: list[NodeScores], config: Profil
     ]
 
 
-def _barriers(placed: list[Placed], config: ProfileConfig) -> list[Stretch]:
+def _barriers(placed: list[PlacedRail], config: ProfileConfig) -> list[Stretch]:
     """Return the stretches that are barriers."""
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
     return [
@@ -127,7 +127,9 @@ def _barriers(placed: list[Placed], config: ProfileConfig) -> list[Stretch]:
     ]
 
 
-def _without(placed: list[Placed], verdicts: list[NodeScores], barriers: list[Stretch]) -> list[NodeScores]:
+def _without(
+    placed: list[PlacedRail], verdicts: list[NodeScores], barriers: list[Stretch]
+) -> list[NodeScores]:
     """Return the scores without guardrail where a barrier scores higher, as far as its foot."""
     if not barriers:
         return verdicts
@@ -142,13 +144,13 @@ def _without(placed: list[Placed], verdicts: list[NodeScores], barriers: list[St
     return out
 
 
-def _with_pairs(found: list[Stretch], placed: list[Placed], paired: list[BoolArray]) -> list[Stretch]:
+def _with_pairs(found: list[Stretch], placed: list[PlacedRail], paired: list[BoolArray]) -> list[Stretch]:
     """Return the stretches with `paired` set to the nodes that have a guardrail beside them."""
     of = {id(p): own for p, own in zip(placed, paired, strict=True)}
     return [replace(stretch, paired=of[id(stretch.placed)]) for stretch in found]
 
 
-def _beside(placed: list[Placed], found: list[Stretch], config: ProfileConfig) -> list[BoolArray]:
+def _beside(placed: list[PlacedRail], found: list[Stretch], config: ProfileConfig) -> list[BoolArray]:
     return close_beside([p.xyz for p in placed], [stretch.xyz for stretch in found], config.pair_m)
 
 

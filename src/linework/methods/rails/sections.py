@@ -21,15 +21,15 @@ from linework.methods.rails import fitted
 from linework.methods.rails.circles import Bins, CircleConfig
 
 #: Side of the cells of a section: half of the thinnest rope that still returns beams. [m]
-CELL_M = 0.01
+SECTION_CELL_M = 0.01
 #: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
-HALF_WIDTH_M = 0.30
+HALF_SECTION_M = 0.30
 #: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
 _MOST_ACROSS_M = 0.20
 #: Range of a section above and below the followed edge: rails end 1.3 m above the road. [m]
 DEPTHS_M = (-1.30, 0.80)
 #: Above the ground, below this, is what grows there. [m]
-GRASS_M = 0.15
+OVER_GRASS_M = 0.15
 #: Deepest gap inside a band of few points, after densities are averaged over as much: the spacing of the rays on a face a
 #: few metres off. [cells]
 _GAP_CELLS = 3
@@ -155,9 +155,9 @@ def sections_at(nodes: FloatArray, bins: Bins, circles: CircleConfig) -> FloatAr
         bins.cell_m,
         np.ascontiguousarray(nodes),
         circles.spacing_m / 2,
-        HALF_WIDTH_M,
+        HALF_SECTION_M,
         DEPTHS_M,
-        CELL_M,
+        SECTION_CELL_M,
         bins.work,
     )
     return counts
@@ -184,7 +184,7 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     ([('flat', 0.12)], '')
     """
     z, u = _centres(counts)
-    found = np.where((z > GRASS_M - above_ground_m)[:, None], counts, 0.0)
+    found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
         return NOTHING
     edges = _bands(found.sum(axis=1), z)
@@ -198,7 +198,9 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
 
 def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
     n_z, n_u = counts.shape
-    return DEPTHS_M[0] + (np.arange(n_z) + 0.5) * CELL_M, (np.arange(n_u) + 0.5) * CELL_M - HALF_WIDTH_M
+    return DEPTHS_M[0] + (np.arange(n_z) + 0.5) * SECTION_CELL_M, (
+        np.arange(n_u) + 0.5
+    ) * SECTION_CELL_M - HALF_SECTION_M
 
 
 def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
@@ -217,7 +219,8 @@ def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
     ]
     bands: list[tuple[float, float]] = []
     for low, high in [
-        (float(z[run[0]] - 0.5 * CELL_M), float(z[run[-1]] + 0.5 * CELL_M)) for run in kept[::-1]
+        (float(z[run[0]] - 0.5 * SECTION_CELL_M), float(z[run[-1]] + 0.5 * SECTION_CELL_M))
+        for run in kept[::-1]
     ]:
         folded = bands and min(high - low, bands[-1][1] - bands[-1][0]) > LEAST_CREST_M
         if folded and bands[-1][0] - high <= FOLD_M:
@@ -258,7 +261,7 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
         i = int(np.argmin(square))
         on = float(np.sum(weight * (distance[i] <= ON_OUTLINE_M)))
         best[name] = float(square[i]), float(places[i]), on / number
-    noise = max(min(square for square, *_ in best.values()) / number, (0.5 * CELL_M) ** 2)
+    noise = max(min(square for square, *_ in best.values()) / number, (0.5 * SECTION_CELL_M) ** 2)
     chosen = min(best, key=lambda name: 0.5 * best[name][0] / noise + (name != "flat") * np.log(number))
     upper = weight[height > 0.5 * size - TOP_HEIGHT_M]
     off = np.abs(u - best["flat"][1]) > ON_OUTLINE_M
@@ -314,7 +317,7 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
     is_low = n == 1 and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
     # A wall and a concrete barrier have a top that is seen from above
     is_mesh = is_low and bands[0].explained >= fitted.LEAST_THIN and bands[0].top_share < MOST_TOP_SHARE
-    hangs = foot >= GRASS_M + HANGS_M
+    hangs = foot >= OVER_GRASS_M + HANGS_M
     kind, form = "", ""
     if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
         kind, form = "guardrail", "w_beam"
