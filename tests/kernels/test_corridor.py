@@ -186,7 +186,7 @@ def test_the_top_edge_is_the_best_of_all(jit, seed):
         [np.zeros(40), rng.uniform(-0.1, 0.5, 40), rng.uniform(0.0, 1.2, 40), np.zeros(40)]
     )
     local = np.concatenate([beam, bush])
-    got = form_of(sections.top_edge, jit)(local, len(local), 0.0, 0.06, 0.73, 0.08)
+    got = form_of(sections.top_edge, jit)(local, len(local), 0.0, 0.06, 0.73, 0.08, sections.W_BEAM_EDGE)
     assert got == slow_top_edge(local, 0.0, 0.06, 0.73, 0.08)
     assert got == pytest.approx(0.71, abs=0.03)
 
@@ -276,7 +276,17 @@ def test_the_profile_counts_what_stands_where(jit):
     points, starts = binned(cloud(7, 20_000))
     nodes = np.array([[2.0, 2.0, 0.0, 0.75], [3.0, 2.02, 0.05, 0.90], [4.0, 1.99, np.pi, 0.60]])
     got = form_of(sections.profile_along, jit)(
-        points, starts, N_X, N_Y, CELL_M, nodes, 0.25, 0.10, 1.0, np.empty((len(points), 4))
+        points,
+        starts,
+        N_X,
+        N_Y,
+        CELL_M,
+        nodes,
+        0.25,
+        0.10,
+        1.0,
+        sections.W_BEAM_EDGE,
+        np.empty((len(points), 4)),
     )
     for i, node in enumerate(nodes):
         sheet, depth, sides, edge = slow_profile(points, node, 0.25, 0.10, 1.0)
@@ -291,7 +301,7 @@ def test_the_profile_of_nothing_is_empty(jit):
     points, starts = binned(cloud(8))
     nodes = np.array([[100.0, 100.0, 0.0, 0.75]])
     sheet, depth, sides, edge = form_of(sections.profile_along, jit)(
-        points, starts, N_X, N_Y, CELL_M, nodes, 0.25, 0.10, 1.0, np.empty((50, 4))
+        points, starts, N_X, N_Y, CELL_M, nodes, 0.25, 0.10, 1.0, sections.W_BEAM_EDGE, np.empty((50, 4))
     )
     assert sheet[0, 0] == 0
     assert np.isnan(sheet[0, 3])

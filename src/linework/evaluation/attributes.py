@@ -58,7 +58,7 @@ def _texts(lines: LineSet, name: str) -> AnyArray:
 
 
 #: Values of lines that are compared where both lines have them.
-ATTRIBUTES = ("height_m", "width_m", "clearance_m")
+ATTRIBUTES = ("height_m", "lower_m", "n_beams", "width_m", "clearance_m")
 
 
 def attribute_errors(matches: Sequence[PieceMatch], name: str, tolerance_m: float) -> ErrorStats:

@@ -58,7 +58,9 @@ def changes_page(
     if moved:
         caption = "New minus old after registration; bars: 1.96 standard deviations. Positive: left of the old line, up."
         if len(moved) > _MOST_DRAWN:
-            caption += f" The {_MOST_DRAWN} of {len(moved):,} moves that are largest in their standard deviations."
+            caption += (
+                f" The {_MOST_DRAWN} of {len(moved):,} moves that are largest in their standard deviations."
+            )
         figures.append(("Moved lines", caption, _moves_figure(_largest(moved))))
     if len(registration.cells):
         caption = "What all lines do is navigation, not a change. By cells of 25 m, from west to east."
@@ -141,7 +143,9 @@ def _largest(moved: Sequence[EpochChange]) -> list[EpochChange]:
 
     def size(change: EpochChange) -> float:
         both = ((change.across_m, change.sigma_across_m), (change.up_m, change.sigma_up_m))
-        return max((abs(value) / max(sigma, 1e-9) for value, sigma in both if math.isfinite(value)), default=0.0)
+        return max(
+            (abs(value) / max(sigma, 1e-9) for value, sigma in both if math.isfinite(value)), default=0.0
+        )
 
     return sorted(moved, key=lambda c: (-size(c), str(c.line.id[0]), c.from_m))[:_MOST_DRAWN]
 

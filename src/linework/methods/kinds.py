@@ -10,7 +10,7 @@ from linework.model.lines import KINDS
 #: Kinds that each method finds; "auto" stands for all methods.
 KINDS_OF = {
     "obb": ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top"),
-    "radon": ("guardrail", "barrier", "cable"),
+    "radon": ("guardrail", "barrier", "fence", "cable"),
     "stereo": ("lane_marking", "lane_marking_dash"),
 }
 #: Kinds that the methods find that are as their papers describe them; they are only used when they are named.
@@ -89,7 +89,7 @@ def kinds_of_method(method: str) -> tuple[str, ...]:
     """Return the kinds that a method finds, in their fixed order; all for "auto" and for an unknown method.
 
     >>> kinds_of_method("radon")
-    ('guardrail', 'barrier', 'cable')
+    ('guardrail', 'barrier', 'fence', 'cable')
     """
     return {**KINDS_OF, **PUBLISHED_KINDS_OF}.get(method, ALL_KINDS)
 

@@ -264,4 +264,7 @@ def _merged(name: str, values: FloatArray, weights: FloatArray) -> float:
         return float(values[known].min())
     if name == "time_end_s":
         return float(values[known].max())
+    if name == "n_beams":
+        # A number of things has no mean
+        return float(values[known][np.argmax(weights[known])])
     return float(np.average(values[known], weights=weights[known]))

@@ -57,8 +57,11 @@ class LineSet(ForOtherLibraries):
         (m,) str; "" where it does not apply.
     double
         (m,) bool: one of a pair of lines.
-    width_m, height_m, clearance_m
-        (m,) float64 [m]; NaN where it does not apply.
+    width_m, height_m, lower_m, clearance_m
+        (m,) float64 [m]; NaN where it does not apply. `lower_m`: height of the lower edge of a rail, as `height_m` is
+        that of its upper edge.
+    n_beams
+        (m,) float64: number of beams or ropes of a rail that the line stands for; NaN where it does not apply.
     disagreement_mean_m, disagreement_rms_m
         (m,) float64 [m]: mean and rms offset of another method's line of the same feature, positive to the left
         of this one's direction; NaN where only one method found it.
@@ -104,6 +107,8 @@ class LineSet(ForOtherLibraries):
     double: BoolArray = filled_column(np.bool_, False)
     width_m: FloatArray = filled_column(np.float64, np.nan)
     height_m: FloatArray = filled_column(np.float64, np.nan)
+    lower_m: FloatArray = filled_column(np.float64, np.nan)
+    n_beams: FloatArray = filled_column(np.float64, np.nan)
     clearance_m: FloatArray = filled_column(np.float64, np.nan)
     disagreement_mean_m: FloatArray = filled_column(np.float64, np.nan)
     disagreement_rms_m: FloatArray = filled_column(np.float64, np.nan)

@@ -221,7 +221,9 @@ def _table(
 
     `counts` are the points of each cell, 1 for each earth cell, and the spread of each.
     """
-    (cells, points), (_, bare), (_, scatter) = (kernels.sizes_of_labels(labels, count, len(first)) for count in counts)
+    (cells, points), (_, bare), (_, scatter) = (
+        kernels.sizes_of_labels(labels, count, len(first)) for count in counts
+    )
     north = window.north - 1 - first // window.n_cols
     east = window.west + first % window.n_cols
     place = (-north.astype(np.int64) << 32) + east

@@ -84,6 +84,7 @@ def verdict_of(sure, *, goes_on=True, open_=True):
         guardrail=np.where(sure, 0.9, 0.1),
         barrier=np.zeros(n),
         goes_on=np.full(n, 0.9 if goes_on else 0.1),
+        steady=np.ones(n),
         open_=np.full(n, open_),
     )
 
@@ -128,10 +129,13 @@ def test_stretches_do_not_look_further_than_the_buffer():
         chosen = []
         for cut in (len(sure), len(sure) - 100):
             verdict = NodeScores(
-                np.where(sure, 0.9, 0.1), np.zeros(len(sure)), on, np.ones(len(sure), dtype=bool)
+                np.where(sure, 0.9, 0.1), np.zeros(len(sure)), on, on, np.ones(len(sure), dtype=bool)
             )
             part = NodeScores(
-                *(getattr(verdict, name)[:cut] for name in ("guardrail", "barrier", "goes_on", "open_"))
+                *(
+                    getattr(verdict, name)[:cut]
+                    for name in ("guardrail", "barrier", "goes_on", "steady", "open_")
+                )
             )
             mask = np.zeros(len(sure), dtype=bool)
             for run, _ in guardrail_stretches(part, 0.5 * np.arange(cut), PROFILE):
@@ -144,7 +148,7 @@ def test_stretches_do_not_look_further_than_the_buffer():
 def test_barriers_are_long():
     def found(metres):
         n = round(2 * metres)
-        verdict = NodeScores(np.zeros(n), np.full(n, 0.8), np.ones(n), np.zeros(n, dtype=bool))
+        verdict = NodeScores(np.zeros(n), np.full(n, 0.8), np.ones(n), np.ones(n), np.zeros(n, dtype=bool))
         return barrier_stretches(verdict, 0.5 * np.arange(n), PROFILE)
 
     assert len(found(19.0)) == 0

@@ -133,4 +133,6 @@ def test_a_cad_drawing_by_the_surveys_table(plan, tmp_path):
     download.value.save_as(tmp_path / "lines.zip")
     with zipfile.ZipFile(tmp_path / "lines.zip") as archive:
         assert b"MARK" in archive.read("lines.dxf")
-    assert (plan.served.lines.parent / "lines.codes.csv").read_text() == "kind,layer,code\nlane_marking,MARK,7\n"
+    assert (
+        plan.served.lines.parent / "lines.codes.csv"
+    ).read_text() == "kind,layer,code\nlane_marking,MARK,7\n"

@@ -21,7 +21,7 @@ def simulate_command(
         str,
         typer.Option(
             "--road",
-            help="Kind of road: straight, bends, urban, motorway, rural, junction, gore, roundabout, village or mixed; "
+            help="Kind of road: straight, bends, urban, motorway, rural, junction, gore, roundabout, village, rails or mixed; "
             "or land without one: forest, field or roofs.",
             metavar="KIND",
         ),

@@ -13,7 +13,23 @@ from linework.model.lines import CONDITIONS, KINDS, REVIEWS, LineSet
 CHOICES: Mapping[str, tuple[str, ...]] = {
     "role": ("edge", "lane", "centre"),
     "pattern": ("solid", "dashed"),
-    "form": ("kerb", "edge", "barrier", "zebra", "stop", "arrow"),
+    "form": (
+        "kerb",
+        "edge",
+        "barrier",
+        "zebra",
+        "stop",
+        "arrow",
+        "w_beam",
+        "thrie_beam",
+        "box_beam",
+        "tube",
+        "cable_barrier",
+        "concrete",
+        "mesh",
+        "boards",
+        "tubes",
+    ),
     "condition": CONDITIONS,
 }
 #: Longest note, in characters: a sentence or two.
@@ -27,6 +43,8 @@ KINDS_WITH: Mapping[str, tuple[str, ...]] = {
     "form": ("road_boundary", "kerb_top", "road_marking_other", "guardrail", "barrier", "fence"),
     "width_m": _PAINT,
     "height_m": tuple(kind for kind in KINDS if kind not in _PAINT),
+    "lower_m": ("guardrail", "barrier", "fence"),
+    "n_beams": ("guardrail", "barrier", "fence"),
     "clearance_m": ("cable",),
 }
 
@@ -53,6 +71,7 @@ def with_kind(lines: LineSet, kind: str) -> LineSet:
     """
     check_line_kind(kind)
     empty = {"double": False, "width_m": np.nan, "height_m": np.nan, "clearance_m": np.nan}
+    empty |= {"lower_m": np.nan, "n_beams": np.nan}
     columns: dict[str, object] = {"kind": np.full(len(lines), kind)}
     for name, kinds in KINDS_WITH.items():
         keeps = (lines.kind == kind) | (kind in kinds and name != "form")

@@ -151,6 +151,9 @@ def _merged(name: str, values: FloatArray, weights: FloatArray) -> float:
         return float(values[known].min())
     if name == "time_end_s":
         return float(values[known].max())
+    if name == "n_beams":
+        # A number of things has no mean
+        return float(values[known][np.argmax(weights[known])])
     if name.startswith("disagreement"):
         # The disagreement of one part, on one side of it, does not hold for the whole
         return float("nan")

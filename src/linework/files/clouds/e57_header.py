@@ -225,7 +225,9 @@ def _prototype(path: Path, number: int, element: ElementTree.Element) -> dict[st
     for field in prototype:
         name = str(field.tag)
         if name in fields:
-            raise InputError(f"scan {number}: two fields named {name[:40]}", where=path, advice=DAMAGED_ADVICE)
+            raise InputError(
+                f"scan {number}: two fields named {name[:40]}", where=path, advice=DAMAGED_ADVICE
+            )
         if "}" not in name:
             fields[name] = field
     return fields

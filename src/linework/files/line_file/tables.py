@@ -23,6 +23,7 @@ from linework.errors import (
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     FIELDS,
+    RAIL,
     REVIEWED,
     field_values,
     fields_of_kind,
@@ -36,7 +37,7 @@ from linework.model.lineset.geometries import geometries
 #: How long to wait for another program: QGIS holds the file while it saves a layer. [s]
 WAIT_S = 5.0
 #: All fields a layer may have: those of a line file have all of them, also where no line uses them yet.
-ALL_FIELDS = (*FIELDS, "clearance_m", *DISAGREEMENT, *REVIEWED)
+ALL_FIELDS = (*FIELDS, *RAIL, "clearance_m", *DISAGREEMENT, *REVIEWED)
 
 #: `edit`: the edits; `gone` and `came` are numbers of `line_version` (JSON). `line_version`: every version of every
 #: line, exactly; `layer` and `fid` are its present place (NULL: none), `line` its number in `vertex`, `edit` the edit
@@ -147,7 +148,7 @@ def add_line_file_tables(db: sqlite3.Connection) -> None:
 
 def _empty_columns(layer: str) -> dict[str, str]:
     sql_types = {"U": "TEXT", "b": "BOOLEAN", "f": "DOUBLE"}
-    values = field_values(LineSet.empty()) | {name: np.zeros(0) for name in DISAGREEMENT}
+    values = field_values(LineSet.empty()) | {name: np.zeros(0) for name in (*RAIL, *DISAGREEMENT)}
     values |= {name: np.zeros(0, dtype=np.str_) for name in REVIEWED}
     return {name: sql_types[values[name].dtype.kind] for name in fields_of_kind(layer, ALL_FIELDS)}
 

@@ -21,7 +21,7 @@ from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.crs import LOCAL, parse_crs, stated_crs
 from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import open_input
-from linework.files.vectors.fields import DISAGREEMENT, REVIEWED, field_values, vertex_columns
+from linework.files.vectors.fields import DISAGREEMENT, RAIL, REVIEWED, field_values, vertex_columns
 from linework.files.vectors.gdal import foreign_lines
 from linework.files.vectors.gpkg import null_if_empty
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -208,7 +208,7 @@ def _shapes(stored: Sequence[Any], left_out: list[str]) -> AnyArray:
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
     """Return our own lines in the order of the set; None where the file is not ours or was changed since."""
-    optional = {"clearance_m", *DISAGREEMENT, *REVIEWED, _PREFIX + "observed"}
+    optional = {*RAIL, "clearance_m", *DISAGREEMENT, *REVIEWED, _PREFIX + "observed"}
     wanted = {_LINE, *LINE_COLUMNS, *(_PREFIX + name for name in VERTEX_COLUMNS)} - optional
     if not wanted <= set(columns):
         return None

@@ -59,6 +59,15 @@ def read_database(path: str | Path, kind_field: str, kinds: Mapping[str, str] | 
     return found.take(np.array(wanted, dtype=np.int64)).with_columns(kind=np.array(named, dtype=np.str_))
 
 
+def columns_there(connection: Any, schema: str) -> set[str]:
+    """Return the columns that the table of lines has."""
+    rows = connection.execute(
+        "SELECT column_name FROM information_schema.columns WHERE table_schema = %s AND table_name = 'line'",
+        (schema,),
+    ).fetchall()
+    return {name for (name,) in rows}
+
+
 def published_lines(
     connection: Any, schema: str, *, survey: str, layer: str = "", only_reviewed: bool = False
 ) -> LineSet | None:
@@ -72,7 +81,9 @@ def published_lines(
     crs = connection.execute(f"SELECT crs_wkt FROM {schema}.survey WHERE survey = %s", (survey,)).fetchone()[
         0
     ]
-    names = ", ".join((*LINE_FIELDS, *VERTEX_FIELDS))
+    # Tables of an earlier version lack the columns that have come since
+    there = columns_there(connection, schema)
+    names = ", ".join(name if name in there else f"NULL AS {name}" for name in (*LINE_FIELDS, *VERTEX_FIELDS))
     where = (
         "survey = %s"
         + (" AND kind = %s" if layer else "")

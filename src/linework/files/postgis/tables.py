@@ -38,11 +38,6 @@ def schema_statements(schema: str) -> list[str]:
         f"{name} {kind}{' NOT NULL' if name in ('survey', 'number', 'id', 'kind', 'geom') else ''}"
         for name, kind in field_types().items()
     )
-    views = [
-        f"CREATE VIEW {schema}.{kind} AS SELECT * FROM {schema}.line WHERE kind = '{kind}' "
-        "AND review IS DISTINCT FROM 'rejected'"
-        for kind in KINDS
-    ]
     return [
         f"CREATE SCHEMA IF NOT EXISTS {schema}",
         # Most compound CRSs are not in spatial_ref_sys: geometries have the SRID of the plan, the WKT is whole
@@ -55,7 +50,21 @@ def schema_statements(schema: str) -> list[str]:
         f"FOREIGN KEY (survey) REFERENCES {schema}.survey)",
         f"CREATE INDEX line_geom ON {schema}.line USING gist (geom)",
         f"CREATE INDEX line_kind ON {schema}.line (kind)",
-        *views,
+        *_views(schema),
+    ]
+
+
+def growth_statements(schema: str) -> list[str]:
+    """Return the statements that give a schema of an earlier version the columns that have come since, in its views, too."""
+    columns = (f"ADD COLUMN IF NOT EXISTS {name} {kind}" for name, kind in field_types().items())
+    return [f"ALTER TABLE {schema}.line {', '.join(columns)}", *_views(schema)]
+
+
+def _views(schema: str) -> list[str]:
+    return [
+        f"CREATE OR REPLACE VIEW {schema}.{kind} AS SELECT * FROM {schema}.line WHERE kind = '{kind}' "
+        "AND review IS DISTINCT FROM 'rejected'"
+        for kind in KINDS
     ]
 
 

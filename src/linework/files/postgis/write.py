@@ -14,12 +14,13 @@ from linework.crs import LOCAL, describe_crs, horizontal_part, same_crs
 from linework.editing.queue.carried_over import carry_over_reviews
 from linework.errors import CrsError, MachineError, UsageError
 from linework.files.postgis.address import DatabaseAddress, opened_database
-from linework.files.postgis.read import published_lines
+from linework.files.postgis.read import columns_there, published_lines
 from linework.files.postgis.tables import (
     LINE_FIELDS,
     ROW_FIELDS,
     VERTEX_FIELDS,
     field_types,
+    growth_statements,
     line_of_ewkb,
     rows_of_lines,
     schema_statements,
@@ -85,6 +86,9 @@ def publish_lines(lines: LineSet, address: DatabaseAddress, survey: str, *, sour
         )
         if connection.execute("SELECT to_regclass(%s)", (f"{address.schema}.line",)).fetchone() == (None,):
             for statement in schema_statements(address.schema):
+                connection.execute(statement)
+        elif not set(ROW_FIELDS) <= columns_there(connection, address.schema):
+            for statement in growth_statements(address.schema):
                 connection.execute(statement)
         _enter_survey(connection, address, survey, lines.crs, srid)
         reviewed = published_lines(connection, address.schema, survey=survey, only_reviewed=True)

@@ -14,12 +14,14 @@ from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, linear_parts
 from linework.model.lineset.shown import LOOKS, OTHER_LOOK
 
-#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods found a line,
-#: REVIEWED where a person reviewed one.
+#: Fields in the order of the manual; RAIL follows for rails, barriers and fences, clearance_m for cables, DISAGREEMENT
+#: where two methods found a line, REVIEWED where a person reviewed one.
 FIELDS = (
     "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
     "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
 )  # fmt: skip
+#: Fields of what stands beside the road: height of the lower edge, number of beams; and the kinds that have them.
+RAIL, BESIDE_ROAD = ("lower_m", "n_beams"), ("guardrail", "barrier", "fence")
 DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
 #: Fields of the review: written where any line has been reviewed.
 REVIEWED = ("review", "condition", "note")
@@ -43,13 +45,15 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     rounded = {name: np.round(values, _COMPUTED_DECIMALS) for name, values in computed.items()}
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
     compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
+    rails = [name for name in RAIL if np.isfinite(getattr(lines, name)).any()]
     reviewed = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *reviewed)}
+    return {name: (rounded | own)[name] for name in (*FIELDS, *rails, "clearance_m", *compared, *reviewed)}
 
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the known fields (see `field_values`) that the layer of a kind has."""
-    return tuple(name for name in known if kind in ("cable", REJECTED_LAYER) or name != "clearance_m")
+    of_some = {"clearance_m": ("cable",), **dict.fromkeys(RAIL, BESIDE_ROAD)}
+    return tuple(name for name in known if kind == REJECTED_LAYER or kind in of_some.get(name, (kind,)))
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:

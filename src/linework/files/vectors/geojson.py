@@ -28,6 +28,7 @@ from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     LANE_LAYER,
+    RAIL,
     REVIEWED,
     field_values,
     fields_of_kind,
@@ -285,7 +286,7 @@ def _epsg_of(name: str) -> str:
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
     """Return our own lines with their vertex columns; None where the geometry was changed since."""
-    optional = {"clearance_m", *DISAGREEMENT, *REVIEWED, _VERTEX_PROPERTIES["observed"]}
+    optional = {*RAIL, "clearance_m", *DISAGREEMENT, *REVIEWED, _VERTEX_PROPERTIES["observed"]}
     wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
     if not len(shapes):
         return LineSet.empty(crs)

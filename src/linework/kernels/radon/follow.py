@@ -24,7 +24,7 @@ from linework.kernels.radon.corridor import (
     TurnedBox,
     gather_level,
 )
-from linework.kernels.radon.sections import TOP_HALF_WIDTH, top_edge
+from linework.kernels.radon.sections import TOP_HALF_WIDTH, W_BEAM_EDGE, top_edge
 
 #: Further columns of a node: points in the circle, their spread [m], measured (1) or predicted (0).
 NODE_POINTS, NODE_SPREAD, NODE_MEASURED = 4, 5, 6
@@ -210,7 +210,7 @@ def follow_sheet(
             curvature += k2 * u
             p11, p12, p22 = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
             p00, p01, p02 = p00 * (1 - k0), p01 * (1 - k0), p02 * (1 - k0)
-            edge = top_edge(work, n, u, TOP_HALF_WIDTH * radius, top, _TOP_SEARCH_M)
+            edge = top_edge(work, n, u, TOP_HALF_WIDTH * radius, top, _TOP_SEARCH_M, W_BEAM_EDGE)
             blurred = 0.0 if not np.isnan(edge) else blurred + spacing
             if blurred > 2.0 * max_gap:
                 break  # no edge for too long: it is the bush over a beam that is followed

@@ -5,6 +5,8 @@ Positions are local: x east and y north of the bins' south-west corner, z above 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -35,14 +37,21 @@ SHEET_POINTS, SHEET_OFFSET, SHEET_SPREAD, SHEET_TOP = 0, 1, 2, 3
 #: Rows of what stands on either side of a sheet: points at its heights, below it, on the ground, before its foot.
 SIDE_AT_SHEET, SIDE_BELOW, SIDE_GROUND, SIDE_APRON = 0, 1, 2, 3
 
-#: Height of a beam below a tried edge: a W-beam is 0.31 m high. [m]
-_EDGE_BEAM_M = 0.30
+
+class EdgeShape(NamedTuple):
+    """What is below a top edge: height of the beam [m], and the weights of points right above it and below it."""
+
+    beam: float
+    above: float
+    under: float
+
+
 #: Height above a tried edge in which points count against it. [m]
 _EDGE_CLEAR_M = 0.10
 #: Range of depths below a tried edge in which points count against it: below a W-beam and its noise. [m]
 _EDGE_UNDER_M, _EDGE_UNDER_END_M = 0.36, 0.46
-#: Weight of points outside the beam: twice, per equal area (0.30 m inside against 0.20 m outside).
-_EDGE_OUTSIDE_WEIGHT = 3.0
+#: The edge of a W-beam, which is 0.31 m high. Points outside weigh twice, per equal area: 0.30 m inside, 0.20 m outside.
+W_BEAM_EDGE = EdgeShape(beam=0.30, above=3.0, under=3.0)
 #: Step between tried edges: one sigma of the noise. [m]
 _EDGE_STEP_M = 0.02
 
@@ -65,11 +74,14 @@ _RIDGE = 1e-6
 
 
 @njit(cache=True, nogil=True)
-def top_edge(work: FloatArray, n: int, u: float, half_width: float, top: float, reach: float) -> float:
+def top_edge(
+    work: FloatArray, n: int, u: float, half_width: float, top: float, reach: float, shape: EdgeShape
+) -> float:
     """Return the height of a beam's top edge: the highest point below the best edge [m], NaN without any.
 
-    Edges within `reach` of `top` are tried. The best has most points in the 0.30 m below it, less twice
-    what equal areas right above and below the beam hold: a bush over a rail does not lift it.
+    Edges within `reach` of `top` are tried. The best has most points in the beam below it, less what is right above and
+    below the beam, with the weights of the shape (`W_BEAM_EDGE`: twice, per equal area): a bush over a rail does not
+    lift it.
 
     Parameters
     ----------
@@ -79,6 +91,8 @@ def top_edge(work: FloatArray, n: int, u: float, half_width: float, top: float, 
         Points within `half_width` of the offset `u` count. [m]
     top, reach
         Height about which edges are tried, and how far from it. [m]
+    shape
+        What is below the edge.
     """
     z = np.empty(n)
     m = 0
@@ -89,15 +103,15 @@ def top_edge(work: FloatArray, n: int, u: float, half_width: float, top: float, 
     best, edge = 0.0, np.nan
     e = top - reach
     while e <= top + reach + 1e-9:
-        inside, outside, highest = 0, 0, -1e9
+        inside, over, deep, highest = 0, 0, 0, -1e9
         for i in range(m):
             d = e - z[i]
-            under = (d >= 0.0) & (d < _EDGE_BEAM_M)
+            under = (d >= 0.0) & (d < shape.beam)
             inside += int(under)
             highest = max(highest, z[i] if under else -1e9)
-            over = (d < 0.0) & (d >= -_EDGE_CLEAR_M)
-            outside += int(over | ((d >= _EDGE_UNDER_M) & (d < _EDGE_UNDER_END_M)))
-        score = inside - _EDGE_OUTSIDE_WEIGHT * outside
+            over += int((d < 0.0) & (d >= -_EDGE_CLEAR_M))
+            deep += int((d >= _EDGE_UNDER_M) & (d < _EDGE_UNDER_END_M))
+        score = inside - shape.above * over - shape.under * deep
         if score > best:  # the lowest of equal edges: it ends on a point
             best = score
             edge = highest
@@ -195,6 +209,7 @@ def profile_along(
     half_s: float,
     radius: float,
     reach: float,
+    shape: EdgeShape,
     work: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Measure the cross-section at every node of lines.
@@ -207,6 +222,8 @@ def profile_along(
         (n, 4), columns `NODE_X` to `NODE_TOP`.
     half_s, radius, reach
         Half length of a station along the line, half width of the sheet, half width of its surroundings. [m]
+    shape
+        What is below the top edge.
     work
         (m, 4) scratch: the points of a station.
 
@@ -271,5 +288,49 @@ def profile_along(
             mean = total / number
             sheet[i, SHEET_OFFSET] = mean
             sheet[i, SHEET_SPREAD] = np.sqrt(max(square / number - mean * mean, 0.0))
-        sheet[i, SHEET_TOP] = top_edge(work, n, 0.0, TOP_HALF_WIDTH * radius, top, _TOP_REACH_M)
+        sheet[i, SHEET_TOP] = top_edge(work, n, 0.0, TOP_HALF_WIDTH * radius, top, _TOP_REACH_M, shape)
     return sheet, depth, sides, edge
+
+
+@njit(cache=True, nogil=True)
+def count_outlines(
+    points: FloatArray,
+    starts: IntArray,
+    n_x: int,
+    n_y: int,
+    cell: float,
+    nodes: FloatArray,
+    half_s: float,
+    half_u: float,
+    depths: tuple[float, float],
+    bin_m: float,
+    work: FloatArray,
+) -> FloatArray:
+    """Count the points of cross-sections at the nodes of a line, in cells across and in height.
+
+    Parameters
+    ----------
+    points, starts, n_x, n_y, cell, nodes, half_s, work
+        See `profile_along`.
+    half_u, depths, bin_m
+        Half width of a section; its range of heights above the top edge; side of a cell. [m]
+
+    Returns
+    -------
+    (n, heights, widths) float64: from the lowest height up, from right to left. Points of the ground are left out.
+    """
+    low, high = depths
+    n_z, n_u = round((high - low) / bin_m), round(2.0 * half_u / bin_m)
+    counts = np.zeros((len(nodes), n_z, n_u))
+    for i in range(len(nodes)):
+        heading, top = nodes[i, NODE_HEADING], nodes[i, NODE_TOP]
+        box = TurnedBox(
+            nodes[i, NODE_X], nodes[i, NODE_Y], np.cos(heading), np.sin(heading), half_s, half_u, -10.0, 10.0
+        )
+        n = gather_in_box(points, starts, n_x, n_y, cell, box, work)
+        for k in range(n):
+            b = int(np.floor((work[k, LOCAL_Z] - top - low) / bin_m))
+            c = min(int((work[k, LOCAL_LEFT] + half_u) / bin_m), n_u - 1)
+            if b >= 0 and b < n_z and work[k, LOCAL_HEIGHT] >= BEAM_FLOOR_M:
+                counts[i, b, c] += 1.0
+    return counts

@@ -70,7 +70,7 @@ class RadonConfig(Settings):
     cable: CableConfig = group(CableConfig)
 
 
-RAIL_KINDS, CABLE_KINDS = ("guardrail", "barrier"), ("cable",)
+RAIL_KINDS, CABLE_KINDS = ("guardrail", "barrier", "fence"), ("cable",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,3 +75,14 @@ MOST_WEIGHT_POINTS = 10.0
 TOP_NOISE_M = 0.015
 #: Tops this many of their deviations off the fitted edge are left out: bushes and gaps.
 TOP_OUTLIER = 2.5
+
+# Forms
+
+#: Share of the points of a beam that must lie on its outline: posts and spacers behind take up to a fifth.
+LEAST_EXPLAINED = 0.7
+#: The same of a fence of mesh, which is as thin as its noise; the face of a concrete barrier slopes.
+LEAST_THIN = 0.95
+#: Least share of the windows of a stretch that show its form.
+LEAST_AGREEING = 0.5
+#: Share of the points of a concrete barrier near the middle of those at their height: its lid is seen at one height.
+LEAST_FACED = 0.85

@@ -234,7 +234,12 @@ _COLUMNS = tuple(f.name for f in fields(VerticalProfile) if f.name not in ("offs
 
 
 def measure_profile(
-    nodes: FloatArray, offsets: IntArray, bins: Bins, circles: CircleConfig, config: ProfileConfig
+    nodes: FloatArray,
+    offsets: IntArray,
+    bins: Bins,
+    circles: CircleConfig,
+    config: ProfileConfig,
+    edge: kernels.EdgeShape = kernels.W_BEAM_EDGE,
 ) -> VerticalProfile:
     """Measure the profile at the nodes of lines.
 
@@ -244,8 +249,10 @@ def measure_profile(
         (n, 4) x, y [m], heading [rad] and top z [m].
     offsets
         (n_lines + 1,) int64: where the nodes of each line begin.
+    edge
+        What is below the top edge.
     """
-    sheet, depth, sides, edge = kernels.profile_along(
+    sheet, depth, sides, edge_m = kernels.profile_along(
         bins.points,
         bins.starts,
         bins.n_x,
@@ -255,6 +262,7 @@ def measure_profile(
         circles.spacing_m / 2,
         SHEET_RADII * circles.radius_m,
         SIDE_REACH_M,
+        edge,
         bins.work,
     )
     window = 2 * round(0.5 * config.window_m / circles.spacing_m) + 1  # odd: the same in both directions
@@ -304,7 +312,7 @@ def measure_profile(
             axis=1,
         ),
         apron=apron,
-        edge_m=edge,
+        edge_m=edge_m,
         rows=ratio[at],
         all_rows=both,
         offsets=offsets,

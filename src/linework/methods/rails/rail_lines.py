@@ -1,28 +1,26 @@
-"""Guardrails and barriers as lines, from the fitted rails."""
+"""Guardrails, barriers and fences as lines, from the fitted rails."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, distance_along, offsets_of
+from linework.arrays import AnyArray, BoolArray, FloatArray, distance_along
 from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
+from linework.methods.rails.formed import Surroundings, with_forms
+from linework.methods.rails.placed import NEW_JERSEY_FOOT_M, PlacedRail, Stretch, place_rails
 from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, near_chosen
 from linework.methods.rails.verdict import NodeScores, classify
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-from linework.surface.road import Ground, height_above_ground, height_above_road
+from linework.surface.road import Ground, height_above_ground
 
-#: Nodes within this distance of a barrier's edge are on its foot: that of a New Jersey profile stands 0.22 m before the
-#: top edge, and nodes are half a metre apart. [m]
-NEW_JERSEY_FOOT_M = 0.35
 #: Score of a guardrail that rules out a barrier: the foot of one never reaches it.
 CLEAR_GUARDRAIL = 0.9
 #: Height above the followed edge from which a sheet has its edge elsewhere: the circles look 3 cm above it. [m]
@@ -49,45 +47,7 @@ _LEAST_ACROSS_M = 0.12
 _LEVEL_M, _CROSSFALL = 0.10, 0.06
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
-    """A fitted rail in world coordinates.
-
-    Parameters
-    ----------
-    xyz, edge_xyz
-        (n, 3) middle and top edge. [m, world]
-    height_m, above_ground_m
-        (n,) height of the edge above the road and above the ground. [m]
-    chainage
-        (n,) distance along the rail. [m]
-    """
-
-    rail: FittedRail
-    xyz: FloatArray
-    edge_xyz: FloatArray
-    height_m: FloatArray
-    above_ground_m: FloatArray
-    chainage: FloatArray
-
-
-def _placed(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[_Placed]:
-    """Return the rails in world coordinates, their heights looked up at once."""
-    if not rails:
-        return []
-    ends = list(pairwise(offsets_of([len(rail.xy) for rail in rails]).tolist()))
-    top = np.concatenate([rail.top_m for rail in rails])
-    xyz = np.column_stack([np.concatenate([rail.xy for rail in rails]), top]) + bins.origin
-    edge = np.column_stack([np.concatenate([rail.edge_xy for rail in rails]), top]) + bins.origin
-    height = height_above_road(surface, xyz).astype(np.float64)
-    ground = height_above_ground(surface, xyz).astype(np.float64)
-    return [
-        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
-        for rail, (a, b) in zip(rails, ends, strict=True)
-    ]
-
-
-def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
+def _judged(placed: list[PlacedRail], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
     """Return the scores of each rail; rails are many and short, so all are classified at once."""
     if not placed:
         return []
@@ -102,40 +62,13 @@ def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfi
 
 
 def _judged_again(
-    placed: list[_Placed], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
+    placed: list[PlacedRail], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
 ) -> list[NodeScores]:
     """Return the scores, recomputed for rails with another one beside them."""
     changed = [i for i, own in enumerate(paired) if own.any()]
     again = _judged([placed[i] for i in changed], [paired[i] for i in changed], config)
     by_number = dict(zip(changed, again, strict=True))
     return [by_number.get(i, verdict) for i, verdict in enumerate(first)]
-
-
-@dataclass(frozen=True, slots=True)
-class _Stretch:
-    """A run of nodes of a placed rail that is a line.
-
-    Parameters
-    ----------
-    kind
-        "guardrail" or "barrier".
-    run, score
-        Its nodes, and the score (k,) of each.
-    verdict, paired
-        Scores of all nodes of the rail, and which (n,) have another rail beside them.
-    """
-
-    kind: str
-    placed: _Placed
-    run: slice
-    score: FloatArray
-    verdict: NodeScores
-    paired: BoolArray
-
-    @property
-    def xyz(self) -> FloatArray:
-        """Vertices (k, 3): the middle of a guardrail, or the edge of a barrier. [m, world]."""
-        return (self.placed.xyz if self.kind == "guardrail" else self.placed.edge_xyz)[self.run]
 
 
 def rail_lines(
@@ -146,7 +79,7 @@ def rail_lines(
     config: ProfileConfig,
     core: Bounds | None = None,
 ) -> LineSet:
-    """Return the stretches that are certain and long enough to be guardrails or barriers, as lines.
+    """Return the stretches that are certain and long enough to be guardrails, barriers or fences, as lines.
 
     Parameters
     ----------
@@ -159,40 +92,44 @@ def rail_lines(
     core
         Height, confidence and whether a line is double come from its part in here, where there is one.
     """
-    placed = _placed(rails, bins, surface)
+    placed = place_rails(rails, bins, surface)
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
     first = _judged(placed, alone, config)
     # Classify again what runs close beside a guardrail
     beside = _beside(placed, _guardrails(placed, first, config), config)
     verdicts = _judged_again(placed, first, beside, config)
     # Barriers, fitted where their sheet ends above; what scores higher as a barrier is not a guardrail
-    raised = _placed(raised_rails(rails, verdicts, bins, circles, config), bins, surface)
+    raised = place_rails(raised_rails(rails, verdicts, bins, circles, config), bins, surface)
     barriers = _barriers(raised, config)
     found = _guardrails(placed, _without(placed, verdicts, barriers), config)
     found = _with_pairs(found, placed, _beside(placed, found, config))
-    return _as_lines(found + barriers, core)
+    # What their cross-sections show, and what else has the cross-section of a rail
+    around = Surroundings(bins, surface, circles, config)
+    return _as_lines(with_forms(found, barriers, placed, verdicts, around), core)
 
 
-def _guardrails(placed: list[_Placed], verdicts: list[NodeScores], config: ProfileConfig) -> list[_Stretch]:
+def _guardrails(placed: list[PlacedRail], verdicts: list[NodeScores], config: ProfileConfig) -> list[Stretch]:
     """Return the stretches that are guardrails, each without a rail beside it."""
     return [
-        _Stretch("guardrail", p, *stretch, verdict, np.zeros(len(p.xyz), dtype=bool))
+        Stretch("guardrail", p, *stretch, verdict, np.zeros(len(p.xyz), dtype=bool))
         for p, verdict in zip(placed, verdicts, strict=True)
         for stretch in guardrail_stretches(verdict, p.chainage, config)
     ]
 
 
-def _barriers(placed: list[_Placed], config: ProfileConfig) -> list[_Stretch]:
+def _barriers(placed: list[PlacedRail], config: ProfileConfig) -> list[Stretch]:
     """Return the stretches that are barriers."""
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
     return [
-        _Stretch("barrier", p, *stretch, verdict, nothing)
+        Stretch("barrier", p, *stretch, verdict, nothing)
         for p, nothing, verdict in zip(placed, alone, _judged(placed, alone, config), strict=True)
         for stretch in barrier_stretches(verdict, p.chainage, config)
     ]
 
 
-def _without(placed: list[_Placed], verdicts: list[NodeScores], barriers: list[_Stretch]) -> list[NodeScores]:
+def _without(
+    placed: list[PlacedRail], verdicts: list[NodeScores], barriers: list[Stretch]
+) -> list[NodeScores]:
     """Return the scores without guardrail where a barrier scores higher, as far as its foot."""
     if not barriers:
         return verdicts
@@ -207,20 +144,21 @@ def _without(placed: list[_Placed], verdicts: list[NodeScores], barriers: list[_
     return out
 
 
-def _with_pairs(found: list[_Stretch], placed: list[_Placed], paired: list[BoolArray]) -> list[_Stretch]:
+def _with_pairs(found: list[Stretch], placed: list[PlacedRail], paired: list[BoolArray]) -> list[Stretch]:
     """Return the stretches with `paired` set to the nodes that have a guardrail beside them."""
     of = {id(p): own for p, own in zip(placed, paired, strict=True)}
     return [replace(stretch, paired=of[id(stretch.placed)]) for stretch in found]
 
 
-def _beside(placed: list[_Placed], found: list[_Stretch], config: ProfileConfig) -> list[BoolArray]:
+def _beside(placed: list[PlacedRail], found: list[Stretch], config: ProfileConfig) -> list[BoolArray]:
     return close_beside([p.xyz for p in placed], [stretch.xyz for stretch in found], config.pair_m)
 
 
-def _as_lines(found: list[_Stretch], core: Bounds | None) -> LineSet:
+def _as_lines(found: list[Stretch], core: Bounds | None) -> LineSet:
     if not found:
         return LineSet.empty()
     own = [_in_core(s.xyz, core) for s in found]
+    height = [float(np.median(s.placed.height_m[s.run][k])) for s, k in zip(found, own, strict=True)]
 
     def of_vertices(name: str) -> AnyArray:
         return np.concatenate([getattr(s.placed.rail, name)[s.run] for s in found])
@@ -230,7 +168,13 @@ def _as_lines(found: list[_Stretch], core: Bounds | None) -> LineSet:
         kind=[s.kind for s in found],
         method=["radon"] * len(found),
         confidence=[float(np.mean(s.score[k])) for s, k in zip(found, own, strict=True)],
-        height_m=[float(np.median(s.placed.height_m[s.run][k])) for s, k in zip(found, own, strict=True)],
+        form=["concrete" if s.kind == "barrier" else s.form for s in found],
+        height_m=height,
+        # Concrete stands on the ground
+        lower_m=[
+            0.0 if s.kind == "barrier" else top - s.depth_m for s, top in zip(found, height, strict=True)
+        ],
+        n_beams=[s.n_beams for s in found],
         double=[bool(np.mean(s.paired[s.run][k]) > 0.5) for s, k in zip(found, own, strict=True)],
         sigma_xy_m=of_vertices("sigma_xy_m"),
         sigma_z_m=of_vertices("sigma_z_m"),

@@ -63,7 +63,11 @@ def fit_rail(chain: FloatArray, bins: Bins, circles: CircleConfig, config: Profi
 
 
 def fit_rails(
-    chains: list[FloatArray], bins: Bins, circles: CircleConfig, config: ProfileConfig
+    chains: list[FloatArray],
+    bins: Bins,
+    circles: CircleConfig,
+    config: ProfileConfig,
+    edge: kernels.EdgeShape = kernels.W_BEAM_EDGE,
 ) -> list[FittedRail]:
     """Fit chains locally in plan, measure their profiles, and fit the top edge to the highest points.
 
@@ -75,6 +79,8 @@ def fit_rails(
         (n, 5) each, as `chains_from_starts` returns them.
     bins
         The points.
+    edge
+        What is below the top edge.
 
     References
     ----------
@@ -89,7 +95,7 @@ def fit_rails(
     weight = np.minimum(chain[:, _POINTS], fitted.MOST_WEIGHT_POINTS) * chain[:, _MEASURED] + _EMPTY_WEIGHT
     xy, heading, *_ = lines.fit_plan(chain[:, :2], weight)
     top, *_ = lines.fit(chain[:, _TOP], weight)
-    profile = measure_profile(np.column_stack([xy, heading, top]), offsets, bins, circles, config)
+    profile = measure_profile(np.column_stack([xy, heading, top]), offsets, bins, circles, config, edge)
 
     # Centre the line on the sheet's points
     known = profile.number > 0

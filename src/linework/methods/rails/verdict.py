@@ -42,6 +42,8 @@ class NodeScores:
     goes_on
         That it is still the same sheet: a rail that is certain in one place continues over bushes and down to its
         buried end, where its height and its clear gap say nothing.
+    steady
+        That it lies on one line and has one top edge, as far as its points can show, whatever it is.
     open_
         (n,) bool: the ground behind is visible below it.
     """
@@ -49,11 +51,12 @@ class NodeScores:
     guardrail: FloatArray
     barrier: FloatArray
     goes_on: FloatArray
+    steady: FloatArray
     open_: AnyArray
 
     def split(self, offsets: IntArray) -> list[NodeScores]:
         """Return the scores of each line: line i has the nodes from offsets[i] to offsets[i + 1]."""
-        columns = self.guardrail, self.barrier, self.goes_on, self.open_
+        columns = self.guardrail, self.barrier, self.goes_on, self.steady, self.open_
         return [NodeScores(*(column[a:b] for column in columns)) for a, b in pairwise(offsets.tolist())]
 
 
@@ -100,11 +103,14 @@ def classify(
         / 3
     )
     # Each test as a margin: 1 well within the limit, 0.5 at it, 0 well beyond
-    goes_on = _least(
-        _below(profile.spread_m, fitted.CONTINUES_SPREAD * config.max_spread_m, fitted.SPREAD_WIDTH_M),
+    steady = _least(
         _below(unrest, fitted.CONTINUES_WOBBLE * config.max_wobble, fitted.WOBBLE_WIDTH),
         _below(wander, fitted.CONTINUES_WANDER * config.max_wander, fitted.WOBBLE_WIDTH),
         _below(-occupied, -fitted.CONTINUES_OCCUPIED, fitted.OCCUPIED_WIDTH),
+    )
+    goes_on = _least(
+        steady,
+        _below(profile.spread_m, fitted.CONTINUES_SPREAD * config.max_spread_m, fitted.SPREAD_WIDTH_M),
         _below(height_m, config.max_top_m, fitted.TOP_EDGE_WIDTH_M),
     )
     is_smooth = _below(rough, config.max_rough, fitted.ROUGH_WIDTH)
@@ -153,6 +159,7 @@ def classify(
         guardrail=np.maximum(alone, beside),
         barrier=barrier,
         goes_on=goes_on,
+        steady=steady,
         open_=profile.open_ >= config.min_open,
     )
 

@@ -81,8 +81,8 @@ class Line:
         WKT2, or "local".
     length_m, bridged_m
         Length, in space for cables, in plan for all else; and the part of it without measurement. [m]
-    id, kind, role, pattern, form, method, source, double, width_m, height_m, clearance_m, disagreement_mean_m, \
-disagreement_rms_m, confidence, time_start_s, time_end_s, review, condition, note
+    id, kind, role, pattern, form, method, source, double, width_m, height_m, lower_m, n_beams, clearance_m, \
+disagreement_mean_m, disagreement_rms_m, confidence, time_start_s, time_end_s, review, condition, note
         As the columns of `LineSet`, but one value each.
 
     Examples
@@ -116,6 +116,8 @@ disagreement_rms_m, confidence, time_start_s, time_end_s, review, condition, not
     double = _OfLine(bool)
     width_m = _OfLine(float)
     height_m = _OfLine(float)
+    lower_m = _OfLine(float)
+    n_beams = _OfLine(float)
     clearance_m = _OfLine(float)
     disagreement_mean_m = _OfLine(float)
     disagreement_rms_m = _OfLine(float)

@@ -9,7 +9,13 @@ from numbers import Integral, Real
 import numpy as np
 
 from linework.errors import UsageError, argument, did_you_mean
-from linework.simulation.roads.draw_country import draw_country, draw_field, draw_forest, draw_roofs
+from linework.simulation.roads.draw_country import (
+    draw_country,
+    draw_field,
+    draw_forest,
+    draw_rails,
+    draw_roofs,
+)
 from linework.simulation.roads.draw_junction import (
     MOST_RING_M,
     draw_gore,
@@ -67,6 +73,7 @@ LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "roundabout": draw_roundabout,
     "village": draw_village,
     "mixed": draw_mixed,
+    "rails": draw_rails,
 }
 ROADS = tuple(LAYOUTS)
 #: The roads that most figures of the documentation are about.

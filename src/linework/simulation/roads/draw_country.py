@@ -13,17 +13,32 @@ from linework.arrays import FloatArray
 from linework.simulation.roads.alignment import PiecewiseLinear, make_alignment
 from linework.simulation.roads.draw_pieces import (
     MARGIN_M,
+    bushes_at,
     dashed_marking,
     delineators,
     grade_profile,
     pole_line,
+    rail,
     solid_marking,
     uniform,
 )
+from linework.simulation.roads.draw_roadside import Roadside
 from linework.simulation.roads.draw_rural import gentle_bend
 from linework.simulation.roads.draw_stains import road_stains
 from linework.simulation.roads.road import Road, SideSection, make_stations
-from linework.simulation.roads.scenario import Cable, Hedge, House, Marking, Plant, Pole, RoadLayout
+from linework.simulation.roads.scenario import (
+    RAIL_FORMS,
+    Barrier,
+    Cable,
+    Fence,
+    Hedge,
+    House,
+    Marking,
+    Plant,
+    Pole,
+    RoadLayout,
+    Wall,
+)
 from linework.simulation.scene.materials import Material
 
 _LAND_M = 14.0
@@ -226,3 +241,105 @@ def _open_land(rng: np.random.Generator, length_m: float, surface: Material, rou
     side = SideSection(2.0, "edge", PiecewiseLinear.constant(0.0), d, z, (surface, surface))
     stations = make_stations(alignment, s, half_width_m=2.0)
     return Road(alignment, side, side, tilt, tilt, stations, surface=surface, relief=tuple(waves))
+
+
+def draw_rails(rng: np.random.Generator, length_m: float) -> RoadLayout:
+    """Return a country road with rails of every form, concrete barriers and fences along both sides, one after another.
+
+    Hedges, walls and bushes stand behind some of them, in their gaps or over them.
+    """
+    half = uniform(rng, 2.9, 3.6)
+    road = country_road(rng, length_m, half)
+    span = (road.alignment.start_m, road.alignment.end_m)
+    side = Roadside()
+    for sign in (1, -1):
+        out = half + uniform(rng, 0.5, 1.0)
+        at = span[0] + uniform(rng, 0.5, 4.0)
+        for form in rng.permutation(_ROW):
+            end = min(at + uniform(rng, 28.0, 50.0), span[1] - 1.0)
+            if end - at < 12.0:
+                break
+            _stand(rng, side, str(form), sign * out, (at, end))
+            at = end + uniform(rng, 4.0, 12.0)
+        back = sign * (out + uniform(rng, 1.6, 2.5))
+        where = uniform(rng, span[0], span[1] - 25.0)
+        behind = (where, where + uniform(rng, 10.0, 24.0))
+        if rng.random() < 0.6:
+            side.hedges.append(
+                Hedge(
+                    q_m=back, start_m=behind[0], end_m=behind[1], width_m=uniform(rng, 0.6, 1.2),
+                    height_m=uniform(rng, 0.7, 1.8),
+                )
+            )  # fmt: skip
+        else:
+            side.walls.append(
+                Wall(q_m=back, start_m=behind[0], end_m=behind[1], height_m=uniform(rng, 0.6, 1.1))
+            )
+    return RoadLayout(
+        road=road,
+        lanes=((-0.5 * half, 1), (0.5 * half, -1)),
+        speed_mps=uniform(rng, 9.0, 16.0),
+        markings=tuple(country_markings(rng, half, span)),
+        rails=tuple(side.rails),
+        barriers=tuple(side.barriers),
+        fences=tuple(side.fences),
+        hedges=tuple(side.hedges),
+        walls=tuple(side.walls),
+        plants=tuple(bushes_at(rng, side.rails, 0.15)),
+        stains=tuple(road_stains(rng, half, span)),
+    )
+
+
+#: What `draw_rails` sets up in a row.
+_ROW = (*RAIL_FORMS, "new_jersey", "f_shape", "step", "mesh", "boards")
+
+
+def _stand(
+    rng: np.random.Generator, side: Roadside, form: str, q_m: float, span: tuple[float, float]
+) -> None:
+    """Add a rail, barrier or fence of a form, with its traffic towards the middle of the road."""
+    sign = 1 if q_m > 0.0 else -1
+    if form in RAIL_FORMS:
+        one = rail(rng, q_m, span, -sign)
+        side.rails.append(replace(one, form=form, **_size(rng, form)))
+    elif form in ("mesh", "boards"):
+        side.fences.append(
+            Fence(q_m=q_m, start_m=span[0], end_m=span[1], height_m=uniform(rng, 0.9, 1.4), form=form)
+        )
+    else:
+        top = uniform(rng, 0.15, 0.24)
+        side.barriers.append(
+            Barrier(
+                q_m=q_m, start_m=span[0], end_m=span[1], height_m=uniform(rng, 0.80, 1.05),
+                foot_width_m=top + uniform(rng, 0.36, 0.44), top_width_m=top, traffic=(-sign,), profile=form,
+            )
+        )  # fmt: skip
+
+
+def _size(rng: np.random.Generator, form: str) -> dict[str, float | int]:
+    """Return the sizes of a rail of a form that differ from those of a W-beam.
+
+    Thrie beam: 0.506 m high, top at 0.78 to 0.86 m (MASH: 31 and 34 inches). Box beam: steel tubes of 150 to 180 mm
+    (MASH SGR03: 152 mm, top at 0.69 to 0.74 m; the German Kastenprofil 150 by 180 mm). Bridge rails of pipes: two or
+    three, 76 to 150 mm thick, the highest at 0.8 to 1.1 m. Cable barriers: three or four ropes of 19 mm (MASH: 3 by 7),
+    drawn as wide as a beam of a few centimetres still returns from them, the lowest at half a metre.
+    """
+    if form == "thrie_beam":
+        return {"beam_height_m": 0.506, "depth_m": 0.083, "top_m": uniform(rng, 0.78, 0.86)}
+    if form == "box_beam":
+        size = uniform(rng, 0.150, 0.180)
+        return {"beam_height_m": size, "depth_m": size, "top_m": uniform(rng, 0.66, 0.78)}
+    if form == "tube":
+        size, top = uniform(rng, 0.076, 0.150), uniform(rng, 0.80, 1.10)
+        n, pitch = 3 if top > 0.98 else 2, uniform(rng, 0.28, 0.32)
+        return {
+            "beam_height_m": size, "depth_m": size, "top_m": top, "n_beams": n, "pitch_m": pitch,
+            "flare_start_m": 0.0, "flare_end_m": 0.0, "dip_start_m": 0.0, "dip_end_m": 0.0,
+        }  # fmt: skip
+    if form == "cable_barrier":
+        return {
+            "beam_height_m": 0.030, "depth_m": 0.030, "top_m": uniform(rng, 0.72, 0.90),
+            "n_beams": int(rng.integers(3, 5)), "pitch_m": uniform(rng, 0.09, 0.13),
+            "post_every_m": uniform(rng, 2.0, 3.0), "post_behind_m": 0.0,
+        }  # fmt: skip
+    return {}

@@ -162,7 +162,7 @@ def _median(
         foot_width_m=top + uniform(rng, 0.36, 0.44),
         top_width_m=top,
         traffic=(1, -1),
-        stepped=bool(rng.random() < 0.5),
+        profile="step" if rng.random() < 0.5 else "new_jersey",
     )
     return [], [one]
 

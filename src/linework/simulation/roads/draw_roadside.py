@@ -127,7 +127,7 @@ def _concrete(
             foot_width_m=foot,
             top_width_m=top,
             traffic=(-sign,),
-            stepped=bool(rng.random() < 0.5),
+            profile="step" if rng.random() < 0.5 else "new_jersey",
         )
     )
 

@@ -73,12 +73,17 @@ class Stain:
     soft_m: float = 0.02
 
 
+#: What a rail may be: folded beams with two and three crests, a square tube, round pipes, ropes.
+RAIL_FORMS = ("w_beam", "thrie_beam", "box_beam", "tube", "cable_barrier")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rail:
-    """A W-beam. `q_m` is midway between crest and valley; `faces` +1: the traffic is to its left.
+    """A rail of steel on posts. `q_m` is the middle of its depth; `faces` +1: the traffic is to its left.
 
-    Ends may dip towards the ground over a length (`dip_..._m`) and flare away from the road by an amount
-    (`flare_..._m`).
+    `form` is one of `RAIL_FORMS`. `top_m` is the top of the highest beam; there are `n_beams` of them (pipes, ropes),
+    `pitch_m` apart, each `beam_height_m` high and `depth_m` deep. Ends may dip towards the ground over a length
+    (`dip_..._m`) and flare away from the road by an amount (`flare_..._m`).
     """
 
     q_m: float
@@ -95,11 +100,22 @@ class Rail:
     dip_end_m: float = 0.0
     flare_start_m: float = 0.0
     flare_end_m: float = 0.0
+    form: str = "w_beam"
+    n_beams: int = 1
+    pitch_m: float = 0.0
+
+    @property
+    def lower_m(self) -> float:
+        """Height of the lower edge of the lowest beam. [m]."""
+        return self.top_m - self.beam_height_m - (self.n_beams - 1) * self.pitch_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Barrier:
-    """A concrete barrier with its middle at `q_m`; `traffic` lists the sides that traffic passes."""
+    """A concrete barrier with its middle at `q_m`; `traffic` lists the sides that traffic passes.
+
+    `profile` is "new_jersey", "f_shape" or "step".
+    """
 
     q_m: float
     start_m: float
@@ -108,7 +124,7 @@ class Barrier:
     foot_width_m: float
     top_width_m: float
     traffic: tuple[int, ...]
-    stepped: bool = False
+    profile: str = "new_jersey"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

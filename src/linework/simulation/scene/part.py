@@ -23,6 +23,8 @@ class TruthLine:
     double: bool = False
     width_m: float = float("nan")
     height_m: float = float("nan")
+    lower_m: float = float("nan")
+    n_beams: float = float("nan")
     clearance_m: float = float("nan")
 
 

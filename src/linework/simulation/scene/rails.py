@@ -1,4 +1,4 @@
-"""What guards the road's side: W-beam rails, concrete barriers, fences; with their truth.
+"""What guards the road's side: rails of every form, concrete barriers, fences; with their truth.
 
 Separate from `scene`, which puts a world together: these objects stand upright on the road's height and have truth
 lines.
@@ -25,6 +25,75 @@ _W_HEIGHT = np.array(
 _W_DEPTH = np.array(
     [0.0, 0.02, 0.25, 0.90, 1.0, 1.0, 0.90, 0.08, 0.08, 0.90, 1.0, 1.0, 0.90, 0.25, 0.02, 0.0]
 )
+
+#: The same of a thrie beam: three crests, which stand 0.194 m apart at a height of 0.506 m (AASHTO M 180, MASH
+#: drawing RTM08a; a W-beam's stand 0.194 m apart, too).
+_THRIE_HEIGHT = np.array(
+    [
+        0.0,
+        0.03,
+        0.06,
+        0.09,
+        0.15,
+        0.21,
+        0.24,
+        0.28,
+        0.33,
+        0.38,
+        0.41,
+        0.47,
+        0.53,
+        0.59,
+        0.62,
+        0.67,
+        0.72,
+        0.76,
+        0.79,
+        0.85,
+        0.91,
+        0.94,
+        0.97,
+        1.0,
+    ]
+)
+_THRIE_DEPTH = np.array(
+    [
+        0.0,
+        0.02,
+        0.25,
+        0.9,
+        1.0,
+        0.9,
+        0.5,
+        0.08,
+        0.0,
+        0.08,
+        0.5,
+        0.9,
+        1.0,
+        0.9,
+        0.5,
+        0.08,
+        0.0,
+        0.08,
+        0.5,
+        0.9,
+        1.0,
+        0.25,
+        0.02,
+        0.0,
+    ]
+)
+#: Outlines of closed beams from the lower edge round the back, as heights and depths from 0 to 1: a square tube, and a
+#: round pipe of 12 sides.
+_TURN = np.linspace(0.0, 2.0 * np.pi, 13)
+_OUTLINES = {
+    "w_beam": (_W_HEIGHT, _W_DEPTH),
+    "thrie_beam": (_THRIE_HEIGHT, _THRIE_DEPTH),
+    "box_beam": (np.array([0.0, 0.0, 1.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0, 1.0, 1.0])),
+    "tube": (0.5 - 0.5 * np.cos(_TURN), 0.5 - 0.5 * np.sin(_TURN)),
+    "cable_barrier": (0.5 - 0.5 * np.cos(_TURN), 0.5 - 0.5 * np.sin(_TURN)),
+}
 
 #: Flared ends do so over this length.
 _FLARE_RUN_M = 8.0
@@ -57,18 +126,41 @@ def rail_offset(rail: Rail) -> PiecewiseLinear:
 
 
 def guardrail(road: Road, rail: Rail) -> Part:
-    """Return a W-beam on posts; truth: midway between crest and valley in plan, top edge in height."""
+    """Return a rail on posts; truth: the middle of its depth in plan, the top edge in height.
+
+    W-beams and thrie beams are midway between crest and valley there, a box beam has its face towards the traffic half
+    its depth before the line. Of a rail of pipes each pipe is a line; a cable barrier is one line, its highest rope.
+    """
     top = rail_top(rail)
     offset = rail_offset(rail)
     s = np.unique(np.concatenate([road.stations_between(rail.start_m, rail.end_m), top.x, offset.x]))
-    q = offset(s)[:, None] + rail.faces * rail.depth_m * (_W_DEPTH - 0.5)
-    above = top(s)[:, None] + rail.beam_height_m * (_W_HEIGHT - 1.0)
+    height, depth = _OUTLINES[rail.form]
+    q = offset(s)[:, None] + rail.faces * rail.depth_m * (depth - 0.5)
     base = road.carriageway_height(s, rail.q_m)[:, None]
-    beam = sheet(road.place(s[:, None], q, base + above), Material.STEEL, target=0)
     at = np.unique(np.concatenate([road.truth_chainages(rail.start_m, rail.end_m), top.x, offset.x]))
-    xyz = road.place(at, offset(at), road.carriageway_height(at, rail.q_m) + top(at))
-    line = TruthLine(kind="guardrail", xyz=xyz, height_m=rail.top_m, width_m=rail.beam_height_m)
-    return Part((beam, *_rail_posts(road, rail, top, offset)), (line,))
+    beams: list[Mesh] = []
+    lines: list[TruthLine] = []
+    for i in range(rail.n_beams):
+        lower = i * rail.pitch_m
+        above = np.maximum(top(s)[:, None] - lower, 0.0) + rail.beam_height_m * (height - 1.0)
+        is_line = rail.form == "tube" or i == 0
+        target = len(lines) if is_line else 0
+        beams.append(sheet(road.place(s[:, None], q, base + above), Material.STEEL, target=target))
+        if is_line:
+            edge = road.carriageway_height(at, rail.q_m) + np.maximum(top(at) - lower, 0.0)
+            lowest = rail.lower_m if rail.form != "tube" else rail.top_m - lower - rail.beam_height_m
+            lines.append(
+                TruthLine(
+                    kind="guardrail",
+                    form=rail.form,
+                    xyz=road.place(at, offset(at), edge),
+                    height_m=rail.top_m - lower,
+                    lower_m=lowest,
+                    n_beams=float(rail.n_beams) if rail.form == "cable_barrier" else 1.0,
+                    width_m=rail.beam_height_m,
+                )
+            )
+    return Part((*beams, *_rail_posts(road, rail, top, offset)), tuple(lines))
 
 
 def _rail_posts(road: Road, rail: Rail, top: PiecewiseLinear, offset: PiecewiseLinear) -> tuple[Mesh, ...]:
@@ -102,7 +194,9 @@ def barrier(road: Road, wall: Barrier) -> Part:
         if side in wall.traffic:
             at = road.truth_chainages(wall.start_m, wall.end_m)
             edge = _over_road(road, at, wall.q_m, np.array([side * out[-1]]), up[-1:])[:, 0]
-            lines.append(TruthLine(kind="barrier", xyz=edge, height_m=wall.height_m))
+            lines.append(
+                TruthLine(kind="barrier", form="concrete", xyz=edge, height_m=wall.height_m, lower_m=0.0)
+            )
     half = 0.5 * wall.top_width_m
     lid = _over_road(road, s, wall.q_m, np.array([-half, half]), np.full(2, wall.height_m))
     meshes.append(sheet(lid, Material.CONCRETE))
@@ -114,10 +208,16 @@ def barrier(road: Road, wall: Barrier) -> Part:
 
 
 def _barrier_face(wall: Barrier) -> tuple[FloatArray, FloatArray]:
-    """Return distance from the middle and height of one face, from the foot up (New Jersey or step profile)."""
+    """Return distance from the middle and height of one face, from the foot up.
+
+    The slopes of a New Jersey profile meet 0.33 m above the road, those of an F-shape 0.255 m (MASH; EN 1317-2 tests
+    both), a step barrier (BS 6579-7) has its step at 0.25 m.
+    """
     foot, half, h = 0.5 * wall.foot_width_m, 0.5 * wall.top_width_m, wall.height_m
-    if wall.stepped:
+    if wall.profile == "step":
         return np.array([foot, foot, foot - 0.06, half]), np.array([-0.05, 0.25, 0.27, h])
+    if wall.profile == "f_shape":
+        return np.array([foot, foot, half + 0.055, half]), np.array([-0.05, 0.075, 0.255, h])
     return np.array([foot, foot, half + 0.07, half]), np.array([-0.05, 0.08, 0.33, h])
 
 

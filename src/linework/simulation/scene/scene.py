@@ -95,7 +95,18 @@ def truth_lines(
     start_s, end_s = times_near(xyz, time_s, vertices, owner, len(lines), TIMED_M)
     columns = {
         name: [getattr(line, name) for line in lines]
-        for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m")
+        for name in (
+            "kind",
+            "role",
+            "pattern",
+            "form",
+            "double",
+            "width_m",
+            "height_m",
+            "lower_m",
+            "n_beams",
+            "clearance_m",
+        )
     }
     return LineSet.from_lines(
         [line.xyz + np.asarray(scenario.origin_m) for line in lines],

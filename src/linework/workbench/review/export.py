@@ -163,7 +163,9 @@ def exported(line_file: LineFile, order: ExportOrder) -> tuple[str, bytes, list[
         if order.coded and order.format == "dxf" and not codes:
             warnings.append("the survey has no feature codes: layers are named for the kinds")
         if uncoded:
-            warnings.append(f"no feature code for {', '.join(sorted(uncoded))}: on layers named for the kinds")
+            warnings.append(
+                f"no feature code for {', '.join(sorted(uncoded))}: on layers named for the kinds"
+            )
         name, content = _packed(sorted(Path(folder).iterdir()))
     # The page needs no folder of this machine
     return name, content, [text.replace(f"{folder}/", "") for text in warnings]

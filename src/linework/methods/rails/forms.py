@@ -1,0 +1,197 @@
+"""Stretches of followed sheets by what their cross-sections show: rails of every form, railings and fences.
+
+A guardrail that was found is told its form, and keeps its line if it is a W-beam. Every other form has a line of its own:
+its upper edge is fitted again, since a deep beam is followed below its edge and the pipes of a bridge rail one by one.
+
+Separate from `sections`, which explains one section: this goes along a line.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray, IntArray, offsets_of
+from linework.kernels.radon.sections import EdgeShape
+from linework.methods.rails import fitted
+from linework.methods.rails.chains import long_runs
+from linework.methods.rails.circles import Bins, CircleConfig
+from linework.methods.rails.profile import ProfileConfig, moving_sum
+from linework.methods.rails.rails import FittedRail, fit_rails
+from linework.methods.rails.sections import NOTHING, SectionForm, form_of_section, sections_at
+from linework.methods.rails.stretches import near_chosen
+
+#: Stations between two windows: a third of a window's length. [stations]
+_EVERY = 4
+#: Height above a tried edge that is to be clear: that of the kernel. [m]
+_CLEAR_M = 0.10
+#: Most of a beam that its edge is found by: a crest and a half of a folded one. [m]
+_MOST_BEAM_M = 0.30
+#: Weight of points above an edge, per equal area: twice, as for a W-beam.
+_ABOVE_WEIGHT = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class FormedStretch:
+    """A run of nodes of a rail whose windows show one form.
+
+    Parameters
+    ----------
+    run
+        Its nodes.
+    section
+        What the window that stands for it shows.
+    agreeing
+        Share of its windows that show the same.
+    rise_m
+        (n,) height of the upper edge above the followed one at the nodes of the run: what is followed may change from
+        one edge to another. [m]
+    across_m
+        (n,) place of the highest beam to the left of the followed line. [m]
+    """
+
+    run: slice
+    section: SectionForm
+    agreeing: float
+    rise_m: FloatArray
+    across_m: FloatArray
+
+
+def forms_along(
+    rail: FittedRail, above_ground_m: FloatArray, bins: Bins, circles: CircleConfig
+) -> tuple[IntArray, list[SectionForm]]:
+    """Return the stations (k,) int64 of windows along a rail, and what each of them shows.
+
+    Parameters
+    ----------
+    above_ground_m
+        (n,) height of its top edge above the ground. [m]
+    """
+    counts = sections_at(_nodes(rail), bins, circles)
+    n, window = len(counts), rail.profile.window
+    held = moving_sum(counts, window, offsets_of([n]))
+    # Windows at places of the world, the same wherever a tile begins
+    nodes = _nodes(rail)
+    along = np.abs(np.column_stack([np.cos(nodes[:, 2]), np.sin(nodes[:, 2])]))
+    axis = np.argmax(along, axis=1)
+    place = (rail.xy + bins.origin[:2])[np.arange(n), axis]
+    step = _EVERY * circles.spacing_m
+    at = np.flatnonzero(np.abs(place % step - 0.5 * step) < 0.5 * circles.spacing_m)
+    return at, [
+        form_of_section(held[i], float(above_ground_m[i])) if rail.measured[i] else NOTHING
+        for i in at.tolist()
+    ]
+
+
+def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStretch:
+    """Return what most of the windows of a run show; the window with the best explained beams stands for it."""
+    inside = [form for i, form in zip(at.tolist(), forms, strict=True) if run.start <= i < run.stop]
+    named = Counter((s.kind, s.form, len(s.bands)) for s in inside if s.form)
+    if not named:
+        return FormedStretch(run, NOTHING, 0.0, *np.zeros((2, run.stop - run.start)))
+    by_form: Counter[tuple[str, str]] = Counter()
+    for (kind, form, _), number in named.items():
+        by_form[kind, form] += number
+    (kind, form), number = max(by_form.items(), key=lambda item: (item[1], item[0]))
+    n_bands = max((k for k in named if k[:2] == (kind, form)), key=lambda k: (named[k], k[2]))[2]
+    places = at[(at >= run.start) & (at < run.stop)]
+    is_same = [(s.kind, s.form, len(s.bands)) == (kind, form, n_bands) for s in inside]
+    same = [s for s, chosen in zip(inside, is_same, strict=True) if chosen]
+    nodes, places = np.arange(run.start, run.stop), places[is_same]
+    rise = np.interp(nodes, places, [s.bands[0].high_m for s in same])
+    across = np.interp(nodes, places, [s.bands[0].axis_m for s in same])
+    return FormedStretch(run, _middle(same), number / len(inside), rise, across)
+
+
+def _middle(same: list[SectionForm]) -> SectionForm:
+    """Return a section with the median of the beams of several that show the same."""
+    bands = tuple(
+        replace(
+            of_one[0],
+            **{
+                name: float(np.median([getattr(band, name) for band in of_one]))
+                for name in ("low_m", "high_m", "axis_m", "explained", "top_share")
+            },
+        )
+        for of_one in zip(*(s.bands for s in same), strict=True)
+    )
+    return replace(same[0], bands=bands)
+
+
+def formed_stretches(
+    at: IntArray, forms: list[SectionForm], steady: BoolArray, circles: CircleConfig, config: ProfileConfig
+) -> list[FormedStretch]:
+    """Return the runs of steady nodes whose windows show one form.
+
+    The form that most windows show comes first. Its runs go on for `max_run_on_m` where windows show nothing or, for
+    less than that, something else: at ends that dip into the ground, under bushes, where the followed edge changes from
+    one rope to the next.
+
+    Parameters
+    ----------
+    at, forms
+        As `forms_along` returns them.
+    steady
+        (n,) bool: nodes that lie on one line, as far as their points can show.
+    """
+    if not len(at):
+        return []
+    n, chainage = len(steady), np.arange(len(steady)) * circles.spacing_m
+    nearest = np.argmin(np.abs(np.arange(n)[:, None] - at[None]), axis=1)
+    names = np.array([f"{s.kind} {s.form}" if s.form else "" for s in forms])[nearest]
+    least = round(config.min_length_m / circles.spacing_m) + 1
+    most_on = round(config.max_run_on_m / circles.spacing_m)
+    free, found = steady.copy(), []
+    for name, _ in sorted(Counter(names.tolist()).items(), key=lambda item: (-item[1], item[0])):
+        if not name:
+            continue
+        shown, others = names == name, np.zeros(n, dtype=bool)
+        for run in long_runs((names != name) & (names != ""), most_on):
+            others[run] = True
+        sure = np.zeros(n, dtype=bool)
+        for run in long_runs(shown & free, _EVERY):
+            sure[run] = True
+        for run in long_runs(free & ~others & near_chosen(sure, chainage, config.max_run_on_m), least):
+            stretch = form_of_run(at, forms, run)
+            if (stretch.section.kind, stretch.section.form) == tuple(name.split()) and is_agreed(stretch):
+                found.append(stretch)
+                free[run] = False
+    return found
+
+
+def is_agreed(stretch: FormedStretch) -> bool:
+    """Return whether enough of the windows show the form of a stretch."""
+    return stretch.agreeing >= fitted.LEAST_AGREEING
+
+
+def fitted_again(
+    rail: FittedRail, stretch: FormedStretch, bins: Bins, circles: CircleConfig, config: ProfileConfig
+) -> list[FittedRail]:
+    """Return a stretch of a rail fitted to each of its lines, from the highest down (see `SectionForm.lines`)."""
+    fits, run = [], stretch.run
+    heading = _nodes(rail)[run, 2]
+    left = np.column_stack([-np.sin(heading), np.cos(heading)])
+    xy = rail.xy[run]
+    if stretch.section.kind == "barrier":
+        # The upper edge is behind what is followed on a slope
+        xy = xy + stretch.across_m[:, None] * left
+    for band in stretch.section.lines:
+        top = rail.top_m[run] + stretch.rise_m + band.high_m - stretch.section.bands[0].high_m
+        number = np.maximum(rail.profile.number[run], 1.0)
+        chain = np.column_stack([xy, top, number, rail.measured[run]])
+        beam = min(band.height_m, _MOST_BEAM_M)
+        edge = EdgeShape(beam=beam, above=_ABOVE_WEIGHT * beam / _CLEAR_M, under=0.0)
+        (fit,) = fit_rails([chain], bins, circles, config, edge)
+        if stretch.section.form in ("box_beam", "tube"):
+            # The line is the axis, which the points of the visible faces are not on
+            fit = replace(fit, xy=xy + band.axis_m * left)
+        fits.append(fit)
+    return fits
+
+
+def _nodes(rail: FittedRail) -> FloatArray:
+    """Return x, y, heading and top (n, 4) of a rail."""
+    step = np.gradient(rail.xy, axis=0)
+    return np.column_stack([rail.xy, np.arctan2(step[:, 1], step[:, 0]), rail.top_m])

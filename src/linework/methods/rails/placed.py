@@ -1,0 +1,97 @@
+"""Fitted rails in world coordinates, and the runs of them that are lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import BoolArray, FloatArray, distance_along, offsets_of
+from linework.methods.rails.circles import Bins
+from linework.methods.rails.rails import FittedRail
+from linework.methods.rails.verdict import NodeScores
+from linework.surface.road import Ground, height_above_ground, height_above_road
+
+#: Nodes within this distance of a barrier's edge are on its foot: that of a New Jersey profile stands 0.22 m before the
+#: top edge, and nodes are half a metre apart. [m]
+NEW_JERSEY_FOOT_M = 0.35
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedRail:
+    """A fitted rail in world coordinates.
+
+    Parameters
+    ----------
+    xyz, edge_xyz
+        (n, 3) middle and top edge. [m, world]
+    height_m, above_ground_m
+        (n,) height of the edge above the road and above the ground. [m]
+    chainage
+        (n,) distance along the rail. [m]
+    """
+
+    rail: FittedRail
+    xyz: FloatArray
+    edge_xyz: FloatArray
+    height_m: FloatArray
+    above_ground_m: FloatArray
+    chainage: FloatArray
+
+
+def place_rails(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[PlacedRail]:
+    """Return the rails in world coordinates, their heights looked up at once."""
+    if not rails:
+        return []
+    ends = list(pairwise(offsets_of([len(rail.xy) for rail in rails]).tolist()))
+    top = np.concatenate([rail.top_m for rail in rails])
+    xyz = np.column_stack([np.concatenate([rail.xy for rail in rails]), top]) + bins.origin
+    edge = np.column_stack([np.concatenate([rail.edge_xy for rail in rails]), top]) + bins.origin
+    height = height_above_road(surface, xyz).astype(np.float64)
+    ground = height_above_ground(surface, xyz).astype(np.float64)
+    return [
+        PlacedRail(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
+        for rail, (a, b) in zip(rails, ends, strict=True)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A run of nodes of a placed rail that is a line.
+
+    Parameters
+    ----------
+    kind
+        "guardrail", "barrier" or "fence".
+    run, score
+        Its nodes, and the score (k,) of each.
+    verdict, paired
+        Scores of all nodes of the rail, and which (n,) have another rail beside them.
+    form, depth_m, n_beams
+        What it is, where known; how far its lower edge is below its upper one [m]; number of beams.
+    """
+
+    kind: str
+    placed: PlacedRail
+    run: slice
+    score: FloatArray
+    verdict: NodeScores
+    paired: BoolArray
+    form: str = ""
+    depth_m: float = np.nan
+    n_beams: float = np.nan
+
+    @property
+    def xyz(self) -> FloatArray:
+        """Vertices (k, 3): the middle of a guardrail or a fence, or the edge of a barrier. [m, world]."""
+        return (self.placed.edge_xyz if self.kind == "barrier" else self.placed.xyz)[self.run]
+
+
+def near_stretches(xyz: FloatArray, stretches: list[Stretch]) -> BoolArray:
+    """Return which vertices (n, 3) are within the foot of a barrier from one of the stretches, (n,) bool."""
+    if not stretches:
+        return np.zeros(len(xyz), dtype=bool)
+    tree = cKDTree(np.concatenate([s.xyz for s in stretches])[:, :2])
+    return np.asarray(np.isfinite(tree.query(xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M)[0]))

@@ -1,0 +1,338 @@
+"""What stands in a cross-section: beams one above another, each explained by the outline that fits its points best.
+
+A W-beam is a band of points 0.31 m high with nothing above and below it, a thrie beam one of 0.51 m, a cable barrier three
+or four thin ones. What height alone does not tell (a pipe, a square tube, a board) is told by where across the points
+lie: the outlines compete, and the one with the least distances explains the band. What lies on no outline (hedges, cars)
+remains unexplained, and has no form.
+
+Separate from `forms`, which goes along a line: this explains one section, without knowing of lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.kernels.radon import sections as kernels
+from linework.methods.rails import fitted
+from linework.methods.rails.circles import Bins, CircleConfig
+
+#: Side of the cells of a section: half of the thinnest rope that still returns beams. [m]
+SECTION_CELL_M = 0.01
+#: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
+HALF_SECTION_M = 0.30
+#: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
+_MOST_ACROSS_M = 0.20
+#: Range of a section above and below the followed edge: rails end 1.3 m above the road. [m]
+DEPTHS_M = (-1.30, 0.80)
+#: Above the ground, below this, is what grows there. [m]
+OVER_GRASS_M = 0.15
+#: Deepest gap inside a band of few points, after densities are averaged over as much: the spacing of the rays on a face a
+#: few metres off. [cells]
+_GAP_CELLS = 3
+#: Points of the densest cells from which on a cell that holds a fifth of them is not one by chance: 3 of 15 expected.
+_DENSE_POINTS = 15.0
+#: Half of the distance of a folded beam's crests (0.194 m): seen from above, a crest hides no more below it. [m]
+FOLD_M = 0.097
+#: What is in view of a crest is higher than this; a rope is not. [m]
+LEAST_CREST_M = 0.065
+#: A square tube has at least this share of its points on its top, this far behind its face: seen 10 degrees from above,
+#: 12 % are there. A board has none. [share, m]
+TOP_SHARE, BEHIND_FACE_M, TOP_HEIGHT_M = 0.05, 0.03, 0.03
+#: Bands end where their density falls below this share of the densest 8 cm.
+_BAND_SHARE = 0.2
+#: Cells that the density of reference is taken over: 8 cm, of which the ropes of a cable barrier fill as many.
+_DENSEST = 8
+#: Fewest points of a section: at fewer a band cannot be told from its gaps.
+_LEAST_POINTS = 60
+#: A band with a smaller share of the points is what stands behind: posts, twigs.
+_LEAST_SHARE = 0.06
+#: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise. [m]
+ON_OUTLINE_M = 0.05
+#: Step between tried places across. [m]
+_STEP_M = 0.005
+
+#: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
+#: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), upper lip or lower crest hidden. Thrie beam: 0.506 (MASH RTM08a).
+W_BEAM_M, THRIE_BEAM_M = (0.24, 0.40), (0.42, 0.60)
+#: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm; pipes, square
+#: tubes and boards, 0.06 to 0.20. [m]
+ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.24)
+#: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
+ROPE_PITCH_M = 0.25
+#: Folded beams hang on their posts, this high above the grass at least. [m]
+HANGS_M = 0.05
+#: A fence of mesh is between this high, so that a scanner on a roof sees over it, and ends this near the ground. [m]
+FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.25
+#: Its highest 3 cm hold points of its own plane alone; a wall 0.1 m thick has half of them on its top, seen 17 degrees
+#: from above, a fifth seen 4 degrees from above. [share]
+MOST_TOP_SHARE = 0.2
+
+
+#: A concrete barrier is at least this high over grass; its upper face ends below the edge's own noise, and above its lower
+#: slope; the foot is as high as the toe of a New Jersey profile and the slope above; it stands before the top edge by 0.19
+#: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
+CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12, (0.06, 0.30)
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A beam in a cross-section.
+
+    Parameters
+    ----------
+    low_m, high_m
+        Its edges, above the followed edge. [m]
+    outline
+        "flat", "box" or "pipe": what explains its points best.
+    axis_m
+        Middle of that outline, or the top edge of concrete, to the left of the line. [m]
+    explained
+        Share of the points of the band that lie on it.
+    top_share
+        Share of the points of its highest 3 cm that lie off the plane of its face.
+    """
+
+    low_m: float
+    high_m: float
+    outline: str
+    axis_m: float
+    explained: float
+    top_share: float
+
+    @property
+    def height_m(self) -> float:
+        """Height of the beam. [m]."""
+        return self.high_m - self.low_m
+
+
+@dataclass(frozen=True, slots=True)
+class SectionForm:
+    """What a cross-section shows.
+
+    Parameters
+    ----------
+    kind, form
+        Kind and form of the line; form "" where nothing explains the section.
+    bands
+        Its beams, the highest first.
+    """
+
+    kind: str
+    form: str
+    bands: tuple[Band, ...]
+
+    @property
+    def lines(self) -> tuple[Band, ...]:
+        """The beams that are lines of their own: every pipe, of all else the highest."""
+        return self.bands if self.form == "tube" else self.bands[:1]
+
+    @property
+    def explained(self) -> float:
+        """Share of the points of its beams that lie on their outlines."""
+        return min((band.explained for band in self.bands), default=0.0)
+
+
+NOTHING = SectionForm("", "", ())
+
+
+def sections_at(nodes: FloatArray, bins: Bins, circles: CircleConfig) -> FloatArray:
+    """Return the points of the cross-sections at nodes of a line, (n, heights, widths).
+
+    Parameters
+    ----------
+    nodes
+        (n, 4) x, y [m], heading [rad] and top z [m], from the origin of the bins.
+    """
+    counts: FloatArray = kernels.count_outlines(
+        bins.points,
+        bins.starts,
+        bins.n_x,
+        bins.n_y,
+        bins.cell_m,
+        np.ascontiguousarray(nodes),
+        circles.spacing_m / 2,
+        HALF_SECTION_M,
+        DEPTHS_M,
+        SECTION_CELL_M,
+        bins.work,
+    )
+    return counts
+
+
+def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
+    """Return what explains a cross-section.
+
+    Parameters
+    ----------
+    counts
+        (heights, widths) points of one or more stations of a line, as `sections_at` returns them.
+    above_ground_m
+        Height of the followed edge above the ground. [m]
+
+    Examples
+    --------
+    A board of 12 cm, and nothing else:
+
+    >>> counts = np.zeros((210, 40))
+    >>> counts[118:130, 19:21] = 30.0
+    >>> section = form_of_section(counts, 0.8)
+    >>> [(band.outline, round(band.height_m, 2)) for band in section.bands], section.form
+    ([('flat', 0.12)], '')
+    """
+    z, u = _centres(counts)
+    found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
+    if found.sum() < _LEAST_POINTS:
+        return NOTHING
+    edges = _bands(found.sum(axis=1), z)
+    bands = tuple(_explained(found, z, u, low, high) for low, high in edges)
+    edge_m = _edge_of_concrete(found, z, u, bands[0], above_ground_m) if len(bands) == 1 else None
+    if edge_m is not None:
+        face = replace(bands[0], axis_m=edge_m, explained=_faced(found, u))
+        return SectionForm("barrier", "concrete", (face,))
+    return _form(bands, above_ground_m)
+
+
+def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    n_z, n_u = counts.shape
+    return DEPTHS_M[0] + (np.arange(n_z) + 0.5) * SECTION_CELL_M, (
+        np.arange(n_u) + 0.5
+    ) * SECTION_CELL_M - HALF_SECTION_M
+
+
+def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
+    """Return lower and upper edges of the bands of heights with points, the highest first. [m]."""
+    reference = float(np.mean(np.sort(number)[-_DENSEST:]))
+    smooth, gap = number, 1
+    if reference < _DENSE_POINTS:
+        # Too few for gaps to mean anything in one cell; averages reach one cell farther than the points
+        smooth, gap = np.convolve(number, np.full(_GAP_CELLS, 1.0 / _GAP_CELLS), mode="same"), _GAP_CELLS
+        reference = float(np.mean(np.sort(smooth)[-_DENSEST:]))
+    at = np.flatnonzero((smooth >= _BAND_SHARE * reference) & (number > 0.0))
+    runs = np.split(at, np.flatnonzero(np.diff(at) > gap + 1) + 1)
+    total = number.sum()
+    kept = [
+        run for run in runs if len(run) > 1 and number[run[0] : run[-1] + 1].sum() >= _LEAST_SHARE * total
+    ]
+    bands: list[tuple[float, float]] = []
+    for low, high in [
+        (float(z[run[0]] - 0.5 * SECTION_CELL_M), float(z[run[-1]] + 0.5 * SECTION_CELL_M))
+        for run in kept[::-1]
+    ]:
+        folded = bands and min(high - low, bands[-1][1] - bands[-1][0]) > LEAST_CREST_M
+        if folded and bands[-1][0] - high <= FOLD_M:
+            bands[-1] = low, bands[-1][1]
+        else:
+            bands.append((low, high))
+    return bands
+
+
+def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, high: float) -> Band:
+    """Return a band with the outline that explains it best.
+
+    The simplest outline, a flat one, is kept where others fit no better than by chance: half the logarithm of the number
+    of points for the thickness that they have in addition (BIC).
+    """
+    rows = (z > low) & (z < high)
+    weight, size = counts[rows], high - low
+    height = z[rows] - 0.5 * (low + high)
+    number = float(weight.sum())
+    places = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _STEP_M, _STEP_M)
+    # (places, heights, widths): from the middle of an outline at each place
+    across = u[None, None, :] - places[:, None, None]
+    tall = height[None, :, None]
+    distances = {"flat": np.abs(across) + 0.0 * tall}
+    if BAR_M[0] <= size <= BAR_M[1]:
+        half = 0.5 * size
+        distances["pipe"] = np.abs(np.hypot(across, tall) - half)
+        sideways, upward = np.abs(across) - half, np.abs(tall) - half
+        outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
+        box = outside + np.maximum(-np.maximum(sideways, upward), 0.0)
+        on_top = (tall > half - TOP_HEIGHT_M) & (np.abs(across) < half - BEHIND_FACE_M)
+        # Both sides may be the face: what is on top lies between
+        has_top = np.sum(weight * on_top, axis=(1, 2)) >= TOP_SHARE * number
+        distances["box"] = np.where(has_top[:, None, None], box, ON_OUTLINE_M)
+    best: dict[str, tuple[float, float, float]] = {}
+    for name, distance in distances.items():
+        square = np.sum(weight * np.minimum(distance, ON_OUTLINE_M) ** 2, axis=(1, 2))
+        i = int(np.argmin(square))
+        on = float(np.sum(weight * (distance[i] <= ON_OUTLINE_M)))
+        best[name] = float(square[i]), float(places[i]), on / number
+    noise = max(min(square for square, *_ in best.values()) / number, (0.5 * SECTION_CELL_M) ** 2)
+    chosen = min(best, key=lambda name: 0.5 * best[name][0] / noise + (name != "flat") * np.log(number))
+    upper = weight[height > 0.5 * size - TOP_HEIGHT_M]
+    off = np.abs(u - best["flat"][1]) > ON_OUTLINE_M
+    return Band(low, high, chosen, *best[chosen][1:], float(upper[:, off].sum() / max(upper.sum(), 1.0)))
+
+
+def _edge_of_concrete(
+    counts: FloatArray, z: FloatArray, u: FloatArray, band: Band, above_ground_m: float
+) -> float | None:
+    """Return where across the top edge of a concrete barrier is [m], None where the band is not the face of one.
+
+    That is one surface from the top edge to a foot before it, and a lid behind.
+    """
+    foot = above_ground_m + band.low_m
+    if foot > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
+        return None
+    if _faced(counts, u) < fitted.LEAST_FACED:
+        return None
+    face = _middles(counts, u)
+    upper = face[(z < band.high_m - UNDER_TOP_M[0]) & (z > band.high_m - UNDER_TOP_M[1])]
+    lower = face[(z > band.low_m) & (z < band.low_m + FOOT_HEIGHT_M)]
+    if np.isnan(upper).all() or np.isnan(lower).all():
+        return None
+    edge = float(np.nanmedian(upper))
+    before = float(np.nanmedian(lower)) - edge
+    # What is followed lies on the face, not on the lid behind the edge
+    on_face = -edge * np.sign(before) >= -ON_OUTLINE_M
+    return edge if on_face and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
+
+
+def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
+    """Return the median across (heights,) of the points at each height; NaN where there are none."""
+    total = counts.sum(axis=1)
+    half = np.argmax(np.cumsum(counts, axis=1) >= 0.5 * total[:, None], axis=1)
+    return np.where(total > 0.0, u[half], np.nan)
+
+
+def _faced(counts: FloatArray, u: FloatArray) -> float:
+    """Return the share of the points that lie near the middle of those at their height: on one surface."""
+    near = np.abs(u[None] - np.nan_to_num(_middles(counts, u))[:, None]) <= ON_OUTLINE_M
+    return float(np.sum(counts * near) / max(counts.sum(), 1.0))
+
+
+def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
+    """Return the form of which these beams, the highest first, are the section."""
+    sure = tuple(band for band in bands if band.explained >= fitted.LEAST_EXPLAINED)
+    if not bands or len(sure) < len(bands):
+        return SectionForm("", "", bands)
+    heights, n = [band.height_m for band in bands], len(bands)
+    pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
+    flat = sum(band.outline == "flat" for band in bands)
+    foot = above_ground_m + bands[-1].low_m
+    is_low = n == 1 and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
+    # A wall and a concrete barrier have a top that is seen from above
+    is_mesh = is_low and bands[0].explained >= fitted.LEAST_THIN and bands[0].top_share < MOST_TOP_SHARE
+    hangs = foot >= OVER_GRASS_M + HANGS_M
+    kind, form = "", ""
+    if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
+        kind, form = "guardrail", "w_beam"
+    elif hangs and n == 1 and THRIE_BEAM_M[0] <= heights[0] <= THRIE_BEAM_M[1]:
+        kind, form = "guardrail", "thrie_beam"
+    elif n > 1 and max(heights) <= ROPE_M and pitch <= ROPE_PITCH_M:
+        kind, form = "guardrail", "cable_barrier"
+    elif n > 1 and max(heights) <= HANDRAIL_M:
+        kind, form = "fence", "tubes"
+    elif BAR_M[0] <= min(heights) and max(heights) <= BAR_M[1]:
+        if n > 1 and flat > n / 2:
+            kind, form = "fence", "boards"
+        elif flat <= n / 2:
+            is_box = n == 1 and bands[0].outline == "box"
+            kind, form = "guardrail", "box_beam" if is_box else "tube"
+    elif is_mesh:
+        kind, form = "fence", "mesh"
+    return SectionForm(kind, form, bands)

@@ -1,0 +1,89 @@
+"""Forms of rails from their cross-sections, drawn as points on the outlines of each type."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from linework.methods.rails.sections import DEPTHS_M, HALF_SECTION_M, SECTION_CELL_M, form_of_section
+
+#: Height of the followed edge above the ground. [m]
+TOP_M = 0.80
+
+
+def section(parts):
+    """Counts of a section of points (u, z), z from the followed edge, with 8 mm of noise."""
+    rng = np.random.default_rng(3)
+    u, z = np.concatenate(parts, axis=0).T
+    u, z = u + rng.normal(0.0, 0.008, len(u)), z + rng.normal(0.0, 0.002, len(z))
+    edges = (
+        np.arange(DEPTHS_M[0], DEPTHS_M[1] + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+        np.arange(-HALF_SECTION_M, HALF_SECTION_M + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+    )
+    return np.histogram2d(z, u, bins=edges)[0]
+
+
+def plane(low, high, u=0.0):
+    z = np.linspace(low, high, int((high - low) * 3000))
+    return np.column_stack([np.full(len(z), u), z])
+
+
+def folded(low, crests):
+    """A beam of crests 0.194 m apart, 8 cm deep."""
+    z = np.linspace(low, 0.0, 1500)
+    return np.column_stack([0.04 * np.cos(2 * np.pi * crests * z / low), z])
+
+
+def pipe(top, size):
+    """What is seen of a pipe from the left and above."""
+    turn = np.linspace(0.5 * np.pi, 1.2 * np.pi, 400)
+    return np.column_stack([0.5 * size * np.cos(turn), top - 0.5 * size + 0.5 * size * np.sin(turn)])
+
+
+def box(size):
+    """Face and top of a square tube."""
+    across = np.linspace(-0.5 * size, 0.5 * size, 120)
+    return np.concatenate([plane(-size, 0.0, -0.5 * size), np.column_stack([across, 0.0 * across])])
+
+
+def concrete():
+    """Lid, upper face, slope and toe of a New Jersey profile; its top edge at 0."""
+    lid = np.column_stack([np.linspace(0.0, 0.18, 200), np.zeros(200)])
+    face = np.column_stack([np.linspace(0.0, -0.07, 1300), np.linspace(0.0, -0.47, 1300)])
+    slope = np.column_stack([np.linspace(-0.07, -0.20, 800), np.linspace(-0.47, -0.72, 800)])
+    return [lid, face, slope]
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected", "n"),
+    [
+        ([folded(-0.31, 2)], ("guardrail", "w_beam"), 1),
+        ([folded(-0.506, 3)], ("guardrail", "thrie_beam"), 1),
+        ([box(0.16)], ("guardrail", "box_beam"), 1),
+        ([pipe(0.0, 0.12), pipe(-0.3, 0.12)], ("guardrail", "tube"), 2),
+        ([plane(-0.03 - 0.11 * i, -0.11 * i) for i in range(3)], ("guardrail", "cable_barrier"), 3),
+        ([plane(-0.13, 0.0), plane(-0.48, -0.35)], ("fence", "boards"), 2),
+        ([plane(-0.78, 0.0)], ("fence", "mesh"), 1),
+        (concrete(), ("barrier", "concrete"), 1),
+    ],
+)
+def test_each_type_is_told_by_its_outline(parts, expected, n):
+    found = form_of_section(section(parts), TOP_M)
+    assert (found.kind, found.form) == expected
+    assert len(found.bands) == n
+
+
+def test_hedges_walls_and_few_points_have_no_form():
+    rng = np.random.default_rng(5)
+    hedge = np.column_stack([rng.uniform(-0.25, 0.25, 4000), rng.uniform(-0.8, 0.0, 4000)])
+    lid = np.column_stack([np.linspace(0.0, 0.25, 300), np.zeros(300)])
+    assert form_of_section(section([hedge]), TOP_M).form == ""
+    assert form_of_section(section([plane(-0.78, 0.0), lid]), TOP_M).form == ""
+    assert form_of_section(section([plane(-0.01, 0.0)]), TOP_M).form == ""
+
+
+def test_the_axis_of_a_pipe_is_its_middle_not_its_visible_side():
+    (band,) = form_of_section(section([pipe(0.0, 0.14)]), TOP_M).bands
+    assert band.outline == "pipe"
+    assert abs(band.axis_m) <= 0.01
+    assert band.height_m == pytest.approx(0.14, abs=0.03)
