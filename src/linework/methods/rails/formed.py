@@ -86,8 +86,8 @@ def with_forms(
     # A barrier is found whole, or as before; nothing else stands on one
     before = [s for s in barriers if np.mean(near_stretches(s.xyz, concrete)) < _MOSTLY]
     concrete = [s for s in concrete if not near_stretches(s.xyz, before).any()] + before
-    others = [s for s in shown if s[2].section.kind != "barrier"]
-    return kept + _each_once(others, concrete, around) + concrete
+    no_concrete = [s for s in shown if s[2].section.kind != "barrier"]
+    return kept + _each_once(no_concrete, concrete, around) + concrete
 
 
 def _each_once(

@@ -138,7 +138,7 @@ def formed_stretches(
     """
     if not len(at):
         return []
-    n, chainage = len(steady), np.arange(len(steady)) * circles.spacing_m
+    n, chainage = len(steady), np.arange(len(steady), dtype=np.float64) * circles.spacing_m
     nearest = np.argmin(np.abs(np.arange(n)[:, None] - at[None]), axis=1)
     names = np.array([f"{s.kind} {s.form}" if s.form else "" for s in forms])[nearest]
     least = round(config.min_length_m / circles.spacing_m) + 1

@@ -198,9 +198,8 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
 
 def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
     n_z, n_u = counts.shape
-    return DEPTHS_M[0] + (np.arange(n_z) + 0.5) * SECTION_CELL_M, (
-        np.arange(n_u) + 0.5
-    ) * SECTION_CELL_M - HALF_SECTION_M
+    rows, columns = (np.arange(n, dtype=np.float64) + 0.5 for n in (n_z, n_u))
+    return DEPTHS_M[0] + rows * SECTION_CELL_M, columns * SECTION_CELL_M - HALF_SECTION_M
 
 
 def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:

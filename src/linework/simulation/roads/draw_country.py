@@ -6,6 +6,7 @@ Separate from `draw`, which draws what all roads have: each kind of road has a f
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -316,7 +317,7 @@ def _stand(
         )  # fmt: skip
 
 
-def _size(rng: np.random.Generator, form: str) -> dict[str, float | int]:
+def _size(rng: np.random.Generator, form: str) -> dict[str, Any]:
     """Return the sizes of a rail of a form that differ from those of a W-beam.
 
     Thrie beam: 0.506 m high, top at 0.78 to 0.86 m (MASH: 31 and 34 inches). Box beam: steel tubes of 150 to 180 mm
