@@ -195,8 +195,8 @@ def test_the_top_edge_is_the_best_of_all(jit, seed):
 def test_a_wall_has_no_top_edge_in_its_middle(jit):
     rng = np.random.default_rng(1)
     local = np.column_stack([np.zeros(4000), np.zeros(4000), rng.uniform(0, 2, 4000), np.zeros(4000)])
-    assert np.isnan(form_of(sections.top_edge, jit)(local, 4000, 0.0, 0.06, 1.0, 0.08))
-    assert np.isnan(form_of(sections.top_edge, jit)(local, 0, 0.0, 0.06, 1.0, 0.08))
+    assert np.isnan(form_of(sections.top_edge, jit)(local, 4000, 0.0, 0.06, 1.0, 0.08, sections.W_BEAM_EDGE))
+    assert np.isnan(form_of(sections.top_edge, jit)(local, 0, 0.0, 0.06, 1.0, 0.08, sections.W_BEAM_EDGE))
 
 
 def slow_fit(s, v, weight, half):

@@ -163,10 +163,12 @@ radon.follow.follow_sheets = rails
     f8:2C (i8:1C,f8:1C,i8:2C) (i8,i8,f8) f8:2C radon.follow.FollowSettings(f8,f8,f8,f8,f8,f8,f8) (f8,f8) radon.follow.FollowLimits(i8,i8,i8) f8:2C
 radon.peaks.peaks = cables
     f8:2C f8:1C f8:1C f8 f8 i8
+radon.sections.count_outlines = rails
+    f8:2C i8:1C i8 i8 f8 f8:2C f8 f8 (f8,f8) f8 f8:2C
 radon.sections.fit_lines_locally = rails
     f8:1C f8:1C f8:1C f8 i8:1C
 radon.sections.profile_along = rails
-    f8:2C i8:1C i8 i8 f8 f8:2C f8 f8 f8 f8:2C
+    f8:2C i8:1C i8 i8 f8 f8:2C f8 f8 f8 radon.sections.EdgeShape(f8,f8,f8) f8:2C
 radon.segments.peaks_of_windows = rails
     f8:2C i8:1C (i8:2C,f8:2C) ((f8,f8,f8),f8) f8:1C f8:1C (f8,f8,i8) f8
 radon.segments.segments_of = rails
@@ -223,7 +225,7 @@ tracking.times.moving_sums = rails
 tracking.times.points_near = rails
     f8:2C! f8:2C i8:1C f8
     f8:2C! f8:2C! i8:1C f8
-tracking.times.times_near = rails
+tracking.times.times_near = rails cables
     f8:2C! f8:1C! f8:2C i8:1C i8 f8
 tracking.track.support = paint boundaries pairs
     f8:2C i8:1C (f8,f8,f8,i8) f8

@@ -24,24 +24,19 @@ with extra_needed("reports"):
     from matplotlib.lines import Line2D
 
 #: A colour per kind; they differ for most eyes, on white as on grey.
-COLOURS = dict(
-    zip(
-        (*KINDS, POLE),
-        (
-            "#e8b100",
-            "#f0d060",
-            "#ff7f0e",
-            "#e0218a",
-            "#f7a8d0",
-            "#d62728",
-            "#7f3fbf",
-            "#2a9d8f",
-            "#1667c4",
-            "#784614",
-        ),
-        strict=True,
-    )
-)
+COLOURS = {
+    "lane_marking": "#e8b100",
+    "lane_marking_dash": "#f0d060",
+    "road_marking_other": "#ff7f0e",
+    "road_boundary": "#e0218a",
+    "kerb_top": "#f7a8d0",
+    "edge_other": "#a0522d",
+    "guardrail": "#d62728",
+    "barrier": "#7f3fbf",
+    "fence": "#2a9d8f",
+    "cable": "#1667c4",
+    POLE: "#784614",
+}
 #: The colour of kinds that are not ours.
 _OTHER_COLOUR = "#444444"
 #: Diameter of the disc of a pole, which has no length in plan. [points]
