@@ -87,6 +87,8 @@ def test_removing_and_trimming_keep_the_rest_as_it_is():
         lambda: with_attribute(line(), "double", "yes"),
         lambda: with_attribute(line(), "note", "x" * 501),
         lambda: with_attribute(line(kind="cable"), "role", "edge"),
+        lambda: with_attribute(line(), "role", "wall_foot"),
+        lambda: with_attribute(line(kind="road_boundary"), "form", "w_beam"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(wrong):

@@ -271,9 +271,15 @@ class Cluster:
             raise self._lost()
         if future.status == "error":
             error = future.exception()
+            said = f"({type(error).__name__}: {error!s:.120})"
+            if isinstance(error, (ImportError, AttributeError, pickle.UnpicklingError)):
+                raise MachineError(
+                    f"a worker cannot load linework {said}", where=self._address,
+                    advice="install the same version of it on all workers and at the scheduler",
+                ) from error  # fmt: skip
             raise MachineError(
-                f"a worker cannot load linework ({type(error).__name__}: {error!s:.120})", where=self._address,
-                advice="install the same version of it on all workers and at the scheduler",
+                f"a worker failed {said}", where=self._address,
+                advice="the log of the worker may say more; the same command with --resume goes on",
             ) from error  # fmt: skip
         answer = future.result()
         if isinstance(answer, OSError):

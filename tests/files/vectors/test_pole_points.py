@@ -10,6 +10,7 @@ import pyogrio
 import pytest
 import shapely
 
+from linework.errors import LineworkWarning
 from linework.files.vectors.gpkg import read_poles
 from linework.files.vectors.pole_points import is_point, points_last
 from linework.files.vectors.read_write import read_lines, write_lines
@@ -107,3 +108,17 @@ def test_what_leans_stays_a_line(tmp_path):
     write_lines(lines, tmp_path / "lines.gpkg")
     back = read_lines(tmp_path / "lines.gpkg")
     assert np.array_equal(back.xyz, lines.xyz)
+
+
+@pytest.mark.parametrize("edit", ["height_m = NULL", "height_m = -1.0"])
+def test_poles_without_a_height_are_left_out(tmp_path, edit):
+    path = tmp_path / "lines.gpkg"
+    write_lines(sample(), path)
+    with sqlite3.connect(path) as db:
+        for (trigger,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            db.execute(f'DROP TRIGGER "{trigger}"')  # they need functions of GeoPackage
+        db.execute(f"UPDATE pole SET {edit} WHERE id = 'pole-1'")
+    assert read_poles(path).id.tolist() == ["pole-2"]
+    with pytest.warns(LineworkWarning, match="layer pole"):
+        back = read_lines(path)
+    assert sorted(back.id.tolist()) == ["cable-1", "pole-2"]

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import chain
 
 import numpy as np
 
 from linework.errors import UsageError
-from linework.model.lines import CANDIDATE, CONDITIONS, KINDS, REVIEWS, LineSet
+from linework.model.lines import CANDIDATE, CONDITIONS, KINDS, POLE, REVIEWS, LineSet
 
+_PAINT_ROLES, _EDGE_FORMS = ("edge", "lane", "centre"), ("kerb", "drop", "edge", "barrier")
+#: Values that can be chosen for a column of a kind, where kinds differ.
+_CHOICES_OF: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "role": {
+        "lane_marking": _PAINT_ROLES,
+        "lane_marking_dash": _PAINT_ROLES,
+        "edge_other": ("gutter", "footway_back", "verge", "wall_foot"),
+    },
+    "form": {
+        "road_boundary": _EDGE_FORMS,
+        "kerb_top": _EDGE_FORMS,
+        "edge_other": _EDGE_FORMS,
+        "road_marking_other": ("zebra", "stop", "arrow"),
+        "guardrail": ("w_beam", "thrie_beam", "box_beam", "tube", "cable_barrier"),
+        "barrier": ("concrete",),
+        "fence": ("mesh", "boards", "tubes"),
+    },
+}
 #: Values that can be chosen for a column; "" clears it.
 CHOICES: Mapping[str, tuple[str, ...]] = {
-    "role": ("edge", "lane", "centre", "gutter", "footway_back", "verge", "wall_foot"),
+    **{column: tuple(dict.fromkeys(chain.from_iterable(of.values()))) for column, of in _CHOICES_OF.items()},
     "pattern": ("solid", "dashed"),
-    "form": (
-        "kerb",
-        "drop",
-        "edge",
-        "barrier",
-        "zebra",
-        "stop",
-        "arrow",
-        "w_beam",
-        "thrie_beam",
-        "box_beam",
-        "tube",
-        "cable_barrier",
-        "concrete",
-        "mesh",
-        "boards",
-        "tubes",
-    ),
     "condition": CONDITIONS,
 }
 #: Longest note, in characters: a sentence or two.
@@ -38,24 +39,16 @@ LONGEST_REVIEW_NOTE = 500
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
 #: The kinds that a column applies to, where it does not apply to all; lines of other kinds leave them empty.
 KINDS_WITH: Mapping[str, tuple[str, ...]] = {
-    "role": ("lane_marking", "lane_marking_dash", "edge_other"),
+    "role": tuple(_CHOICES_OF["role"]),
     "pattern": ("lane_marking", "lane_marking_dash"),
     "double": ("lane_marking",),
-    "form": (
-        "road_boundary",
-        "kerb_top",
-        "edge_other",
-        "road_marking_other",
-        "guardrail",
-        "barrier",
-        "fence",
-    ),
+    "form": tuple(_CHOICES_OF["form"]),
     "width_m": _PAINT,
     "height_m": tuple(kind for kind in KINDS if kind not in _PAINT),
     "lower_m": ("guardrail", "barrier", "fence"),
     "n_beams": ("guardrail", "barrier", "fence"),
     "clearance_m": ("cable",),
-    "network": ("cable",),
+    "network": ("cable", POLE),
     "span": ("cable",),
     "circuit": ("cable",),
     "candidate_kind": (CANDIDATE,),
@@ -122,6 +115,14 @@ def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
     elif value not in ("", *CHOICES[column]):
         raise UsageError(
             f"{value} is not a {column}", where="set", advice=f"choose from {', '.join(CHOICES[column])}"
+        )
+    own = _CHOICES_OF.get(column, {})
+    others = [kind for kind in lines.kind.tolist() if kind in own and value not in ("", *own[kind])]
+    if others:
+        raise UsageError(
+            f"a {others[0]} has no {column} {value}",
+            where="set",
+            advice=f"choose from {', '.join(own[others[0]])}",
         )
     others = [kind for kind in lines.kind.tolist() if kind not in KINDS_WITH.get(column, (kind,))]
     if others and value:

@@ -29,8 +29,8 @@ BRIDGED_WRONG = 0.02
 SURE_LINE, LIKELY_LINE = 0.98, 0.95
 #: Types of items of many lines, which end the queue.
 ALL_IN_ONE = ("rest", "sure")
-#: Companion lines, reviewed together with their line.
-REVIEWED_TOGETHER = ("lane_marking_dash", "kerb_top")
+#: Companion lines, reviewed together with their line; edges beside a boundary are an extra to it.
+REVIEWED_TOGETHER = ("lane_marking_dash", "kerb_top", "edge_other")
 #: Tolerance of the offset from the trajectory for paint to be aligned. [m]
 IN_LINE_M = 0.5
 #: Share of uncertain length that is wrong, by kind: 39 of 2,506 m of cables, 34 of 560 m of boundaries and

@@ -127,10 +127,12 @@ def _add_new_columns(connection: Any, schema: str) -> None:
     """Add the columns of lines that an earlier version of linework did not have, and views of its kinds."""
     there = columns_there(connection, schema)
     missing = {name: kind for name, kind in field_types().items() if name not in there}
-    for name, kind in missing.items():
-        connection.execute(f"ALTER TABLE {schema}.line ADD COLUMN {name} {kind}")
     query = "SELECT table_name FROM information_schema.views WHERE table_schema = %s"
     if missing or not {*KINDS, POLE} <= {row[0] for row in connection.execute(query, (schema,))}:
+        # Another survey may be published into the schema at the same time
+        connection.execute("SELECT pg_advisory_xact_lock(hashtext(%s), 0)", (schema,))
+        for name, kind in missing.items():
+            connection.execute(f"ALTER TABLE {schema}.line ADD COLUMN IF NOT EXISTS {name} {kind}")
         for statement in view_statements(schema):
             connection.execute(statement)
 

@@ -264,12 +264,12 @@ def _own_lines(path: Path) -> LineSet | None:
     own: dict[str, Any] = {name: column_values(name, column) for name, column in columns.items()}
     own |= {name: column_values(name, vertex[name]) for name in VERTEX_COLUMNS if name in vertex}
     found = LineSet(xyz=xyz, offsets=offsets, crs=crs, **own)
-    poles = _own_poles(path)
-    return (
-        found
-        if poles is None
-        else LineSet.concatenate([found if len(found) else found.with_columns(crs=poles.crs), poles])
-    )
+    poles, n_left_out = _own_poles(path)
+    if n_left_out:
+        return None
+    if poles is None:
+        return found
+    return LineSet.concatenate([found if len(found) else found.with_columns(crs=poles.crs), poles])
 
 
 def read_poles(path: Path) -> LineSet:
@@ -281,22 +281,33 @@ def read_poles(path: Path) -> LineSet:
         Not readable.
     """
     with reading_with_gdal(path) as source:
-        found = _own_poles(source)
+        found, _ = _own_poles(source)
     return LineSet.empty() if found is None else found
 
 
-def _own_poles(path: Path) -> LineSet | None:
-    """Return the poles of a GeoPackage, whose sigmas are those of both their vertices; None without their layer."""
+def _own_poles(path: Path) -> tuple[LineSet | None, int]:
+    """Return the poles of a GeoPackage, whose sigmas are those of both their vertices; None without their layer.
+
+    The second is the number of those that lost their place or height to another program: they are left out.
+    """
     if (POLE, "Point Z") not in [(str(name), str(kind)) for name, kind in pyogrio.list_layers(path)]:
-        return None
+        return None, 0
     meta, _, shapes, values = pyogrio.raw.read(path, layer=POLE)
     table = dict(zip(map(str, meta["fields"]), values, strict=True))
-    lines = upright(shapely.from_wkb(shapes), [POLE] * len(shapes), table["height_m"])
+    heights = table.get("height_m", np.full(len(shapes), np.nan))
+    lines = upright(shapely.from_wkb(shapes), [POLE] * len(shapes), heights)
+    is_whole = shapely.get_type_id(lines) == shapely.GeometryType.LINESTRING
+    lines, table = lines[is_whole], {name: column[is_whole] for name, column in table.items()}
     xyz, owner = shapely.get_coordinates(lines, include_z=True, return_index=True)
     columns: dict[str, Any] = {n: column_values(n, table[n]) for n in LINE_COLUMNS if n in table}
-    columns |= {name: np.repeat(column_values(name, table[name]), 2) for name in ("sigma_xy_m", "sigma_z_m")}
+    columns |= {
+        name: np.repeat(column_values(name, table[name]), 2)
+        for name in ("sigma_xy_m", "sigma_z_m")
+        if name in table
+    }
     crs = parse_crs(meta["crs"], where=path) if meta["crs"] else LOCAL
-    return LineSet(xyz=xyz, offsets=offsets_of(np.bincount(owner, minlength=len(lines))), crs=crs, **columns)
+    offsets = offsets_of(np.bincount(owner, minlength=len(lines)))
+    return LineSet(xyz=xyz, offsets=offsets, crs=crs, **columns), int(np.count_nonzero(~is_whole))
 
 
 def _runs(offsets: IntArray, chosen: IntArray) -> IntArray:

@@ -21,12 +21,12 @@ def is_point(lines: LineSet) -> AnyArray:
     [True, False]
     """
     found = lines.kind == POLE
-    is_upright = True
-    for i in np.flatnonzero(found).tolist():
-        xyz = lines[i].xyz
-        top = xyz[0] + np.array([0.0, 0.0, float(lines.height_m[i])])
-        is_upright &= len(xyz) == 2 and np.array_equal(xyz[1], top)
-    return np.asarray(found & is_upright)
+    if np.any(np.diff(lines.offsets)[found] != 2):
+        return np.zeros(len(lines), dtype=bool)
+    feet = lines.offsets[:-1][found]
+    tops = lines.xyz[feet]
+    tops[:, 2] += lines.height_m[found]
+    return np.asarray(found & np.array_equal(lines.xyz[feet + 1], tops))
 
 
 def points_last(lines: LineSet) -> LineSet:
@@ -46,15 +46,20 @@ def feature_shapes(lines: LineSet) -> AnyArray:
 def upright(shapes: AnyArray, kinds: Sequence[Any], heights: Sequence[Any]) -> AnyArray:
     """Return geometries (n,) with the points of poles as vertical lines, as high as `heights` say.
 
+    Points without a height or a place stay points.
+
     >>> upright(shapely.points([[1.0, 2.0, 3.0]]), ["pole"], [8.0])[0].wkt
     'LINESTRING Z (1 2 3, 1 2 11)'
     """
     found = np.array([*shapes, None], dtype=object)[:-1]
     for i in np.flatnonzero(shapely.get_type_id(found) == shapely.GeometryType.POINT).tolist():
         height = _number(heights[i])
-        if kinds[i] == POLE and height > 0.0 and not shapely.is_empty(found[i]):
-            foot = np.nan_to_num(shapely.get_coordinates(found[i], include_z=True)[0])
-            found[i] = shapely.linestrings([foot, foot + np.array([0.0, 0.0, height])])
+        if kinds[i] != POLE or not 0.0 < height < np.inf or shapely.is_empty(found[i]):
+            continue
+        x, y, z = shapely.get_coordinates(found[i], include_z=True)[0].tolist()
+        z = 0.0 if np.isnan(z) else z
+        if np.isfinite([x, y, z]).all():
+            found[i] = shapely.linestrings([[x, y, z], [x, y, z + height]])
     return found
 
 

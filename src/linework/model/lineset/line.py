@@ -80,7 +80,7 @@ class Line:
     crs
         WKT2, or "local".
     length_m, bridged_m
-        Length, in space for cables, in plan for all else; and the part of it without measurement. [m]
+        Length, in space for cables and poles, in plan for all else; and the part of it without measurement. [m]
     id, kind, role, pattern, form, method, source, double, width_m, height_m, lower_m, n_beams, clearance_m, network, \
 span, circuit, disagreement_mean_m, disagreement_rms_m, confidence, time_start_s, time_end_s, review, condition, \
 note, candidate_kind, reason
