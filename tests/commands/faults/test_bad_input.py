@@ -277,7 +277,6 @@ def test_an_unknown_format(refused, las_file, tmp_path, linework):
     ("arguments", "said"),
     [
         (["--features", "hedge"], "hedge"),
-        (["--features", "fence"], "fence"),
         (["--method", "magic"], "magic"),
         (["--method", "photo"], "photo"),
         (["--workers", "1000000"], "'--workers'"),

@@ -206,7 +206,7 @@ def test_our_own_fault_in_a_tile_is_named_and_the_rest_is_written(las_file, tmp_
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert said.returncode == 4
-    assert "1 of 3 tiles left out: tile guardrail+barrier-" in said.stderr.splitlines()[-1]
+    assert "1 of 3 tiles left out: tile guardrail+barrier+fence-" in said.stderr.splitlines()[-1]
     assert "ZeroDivisionError: division by zero. See run.json." in said.stderr.splitlines()[-1]
     (failure,) = json.loads((tmp_path / "run.json").read_text())["failures"]
     assert "Traceback" in failure["trace"]

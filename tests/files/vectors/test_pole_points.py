@@ -53,6 +53,18 @@ def test_formats_without_columns_of_vertices_keep_places_and_fields(tmp_path, su
     assert np.array_equal(back.height_m, lines.height_m, equal_nan=True)
 
 
+@pytest.mark.parametrize("suffix", ["gpkg", "geojson", "parquet"])
+def test_what_only_a_part_of_a_pole_shows_is_kept(tmp_path, suffix):
+    path, seen = tmp_path / f"truth.{suffix}", np.ones(16, dtype=bool)
+    seen[0] = False
+    truth = sample().with_columns(observed=seen)
+    write_lines(truth, path)
+    back = read_lines(path)
+    assert sorted(back.id.tolist()) == sorted(truth.id.tolist())
+    pole = back.take(back.id == "pole-1")
+    assert pole.observed.tolist() == [False, True]
+
+
 def test_a_geopackage_has_a_layer_of_styled_points(tmp_path):
     path = tmp_path / "lines.gpkg"
     write_lines(sample(), path)

@@ -14,7 +14,9 @@ from linework.model.lineset.geometries import geometries
 
 
 def is_point(lines: LineSet) -> AnyArray:
-    """Return which lines (m,) are points in files: poles, where all are upright from foot to top.
+    """Return which lines (m,) are points in files: poles, where all are upright and observed from foot to top.
+
+    A point has no values of vertices; what only a part of it shows, as truth may say, takes a line.
 
     >>> pole = [[0.0, 0.0, 5.0], [0.0, 0.0, 13.0]]
     >>> is_point(LineSet.from_lines([pole, pole], kind=[POLE, "cable"], height_m=8.0)).tolist()
@@ -26,7 +28,9 @@ def is_point(lines: LineSet) -> AnyArray:
     feet = lines.offsets[:-1][found]
     tops = lines.xyz[feet]
     tops[:, 2] += lines.height_m[found]
-    return np.asarray(found & np.array_equal(lines.xyz[feet + 1], tops))
+    ends = np.concatenate([feet, feet + 1])
+    is_whole = bool(np.all(lines.observed[ends]) and not np.any(lines.bridged[ends]))
+    return np.asarray(found & (is_whole and np.array_equal(lines.xyz[feet + 1], tops)))
 
 
 def points_last(lines: LineSet) -> LineSet:
