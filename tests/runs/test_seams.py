@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -136,3 +138,31 @@ def test_pieces_vote_by_their_length():
         [5],
         [1.75],
     )
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0], [1, 0, 2]])
+def test_the_form_of_a_joined_rail_is_that_of_most_of_it(order):
+    # A shard, a long piece and the rest: two forms
+    at = [48.0, 50.0, 100.0, 130.0]
+    pieces = [np.array([[a, 10.0, 1.0], [b, 10.0, 1.0]]) for a, b in itertools.pairwise(at)]
+    lines = LineSet.from_lines(
+        pieces, kind=["guardrail"] * 3, form=["thrie_beam", "w_beam", ""],
+        lower_m=[0.3, 0.44, np.nan], n_beams=[2.0, 1.0, np.nan],
+    )  # fmt: skip
+    cores = [*CORES, Bounds(100.0, 0.0, 150.0, 50.0)]
+    joined = join_seams(lines.take(order), cores)
+    assert (joined.form.tolist(), joined.lower_m.tolist(), joined.n_beams.tolist()) == (
+        ["w_beam"],
+        [0.44],
+        [1.0],
+    )
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_of_forms_of_equal_length_the_first_by_name_is_taken(order):
+    pieces = [np.array([[a, 10.0, 1.0], [a + 10.0, 10.0, 1.0]]) for a in (40.0, 50.0)]
+    lines = LineSet.from_lines(
+        pieces, kind=["guardrail"] * 2, form=["w_beam", "thrie_beam"], lower_m=[0.4, 0.3]
+    )
+    joined = join_seams(lines.take(order), CORES)
+    assert (joined.form.tolist(), joined.lower_m.tolist()) == (["thrie_beam"], [0.3])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,10 @@ from linework.lines.names import midpoints
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 
+#: What a joined line is, where its parts differ: what most of its length is.
+_BY_LENGTH = ("role", "pattern", "form")
+#: Numbers that hold for one form only: a mean over a W-beam and a thrie beam is neither's.
+_OF_FORM = ("lower_m", "n_beams")
 #: Kinds that are never cut: a span of wire is shorter than any buffer, and belongs to the core that holds its middle.
 UNCUT_AT_SEAMS = ("cable", POLE)
 #: Least length of a line that ends at a seam without a continuation: shorter pieces are rounding. [m]
@@ -241,19 +246,31 @@ def _chains(n_lines: int, partner: dict[int, int]) -> list[list[tuple[int, bool]
 
 
 def _merged_columns(lines: LineSet, owner: Sequence[Sequence[int]]) -> dict[str, AnyArray]:
-    """Return the columns of joined lines: means and majorities by length, the least clearance, the whole time span."""
+    """Return the columns of joined lines: means and majorities by length, the least clearance, the whole time span.
+
+    The height of the lower edge and the number of beams come from the parts of the form that the whole has.
+    """
     merged: dict[str, AnyArray] = {}
     weights = np.maximum(lines.length_m, _LEAST_M)
+    members = [np.array(m) for m in owner]
+    for name in _BY_LENGTH:
+        column = getattr(lines, name)
+        merged[name] = np.array([_most(column[m], weights[m]) for m in members], dtype=np.str_)
+    of_form = [m[lines.form[m] == form] for m, form in zip(members, merged["form"], strict=True)]
     for name in LINE_COLUMNS:
         column = getattr(lines, name)
         if column.dtype == np.bool_:
-            merged[name] = np.array(
-                [np.average(column[list(m)], weights=weights[list(m)]) > 0.5 for m in owner]
-            )
-        if column.dtype != np.float64:
-            continue
-        merged[name] = np.array([_merged(name, column[list(m)], weights[list(m)]) for m in owner])
+            merged[name] = np.array([np.average(column[m], weights=weights[m]) > 0.5 for m in members])
+        elif column.dtype == np.float64:
+            parts = of_form if name in _OF_FORM else members
+            merged[name] = np.array([_merged(name, column[m], weights[m]) for m in parts])
     return merged
+
+
+def _most(values: AnyArray, weights: FloatArray) -> Any:
+    """Return the value with the largest sum of weights; of equal ones (to a micrometre) the first in their order."""
+    each, place = np.unique(values, return_inverse=True)
+    return each[np.argmax(np.round(np.bincount(place, weights=weights), 6))]
 
 
 def _merged(name: str, values: FloatArray, weights: FloatArray) -> float:
@@ -266,5 +283,5 @@ def _merged(name: str, values: FloatArray, weights: FloatArray) -> float:
         return float(values[known].max())
     if name == "n_beams":
         # A number of things has no mean
-        return float(values[known][np.argmax(weights[known])])
+        return float(_most(values[known], weights[known]))
     return float(np.average(values[known], weights=weights[known]))

@@ -21,7 +21,7 @@ from linework.runs.steps import Advance, RunSteps
 _GROUP_OF = {
     "lane_marking": "paint", "lane_marking_dash": "paint", "road_marking_other": "paint",
     "road_boundary": "boundaries", "kerb_top": "boundaries", "edge_other": "boundaries",
-    "guardrail": "rails", "barrier": "rails", "cable": "cables",
+    "guardrail": "rails", "barrier": "rails", "fence": "rails", "cable": "cables",
     "stereo": "pairs", "trajectory": "trajectory", "points": "points", "columns": "columns",
     "classes": "classes",
 }  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 from linework.lines.catenary import Catenary
 from linework.methods.cables.band import cable_band
 from linework.methods.cables.networks import with_networks
-from linework.methods.cables.poles import find_poles, without_repeats
+from linework.methods.cables.poles import AIR_M, find_poles, without_repeats
 from linework.methods.cables.supports import hanging
 from linework.model.lines import POLE, LineSet
 
@@ -82,6 +82,17 @@ def test_pieces_of_a_long_span_and_wide_arms_are_of_one_span():
 def test_nothing_hangs_nowhere():
     assert len(hanging(np.zeros((0, 2, 3))).span) == 0
     assert with_networks(LineSet.empty()) == LineSet.empty()
+
+
+@pytest.mark.parametrize("at", [0, 7, -1])
+def test_a_wire_at_no_finite_place_has_no_network(at):
+    lines = line_and_drop()
+    wire = span((0.0, 0.0, 8.0), (40.0, 3.0, 8.0))
+    wire[at, 0] = np.nan
+    broken = lines_of([wire])
+    found = with_networks(LineSet.concatenate([broken, lines]))
+    assert (found.network[0], found.circuit[0], found.span[0]) == ("", "", "")
+    assert found.take(np.arange(1, len(found))) == with_networks(lines)
 
 
 def upright(x, y, top_m, rng, n=250, radius_m=0.12):
@@ -169,6 +180,23 @@ def test_a_pole_of_two_tiles_is_one():
     other = poles.with_columns(xyz=poles.xyz + 0.001, confidence=poles.confidence - 0.1)
     assert without_repeats(LineSet.concatenate([other, poles])) == poles
     assert poles.kind.tolist() == [POLE]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_poles_closer_than_one_can_stand_the_surest_stays(seed):
+    rng = np.random.default_rng(seed)
+    feet = np.column_stack([rng.uniform(0.0, 12.0, (300, 2)), np.zeros(300)])
+    poles = LineSet.from_lines(
+        [np.stack([foot, [*foot[:2], 8.0]]) for foot in feet],
+        kind=[POLE] * 300, confidence=rng.uniform(0.1, 0.9, 300).round(1),
+    )  # fmt: skip
+    kept = without_repeats(poles)
+    left, found = kept.xyz[::2, :2], feet[:, :2]
+    apart = np.hypot(*(left[:, None] - left[None]).T) + np.eye(len(left))
+    assert apart.min() >= AIR_M[0]
+    # Each that is left out stands beside one that is as sure
+    beside = np.hypot(*(found[:, None] - left[None]).transpose(2, 0, 1)) < AIR_M[0]
+    assert (beside & (kept.confidence[None] >= poles.confidence[:, None])).any(axis=1).all()
 
 
 def test_catenary_of_the_tests_sags():

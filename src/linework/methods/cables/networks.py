@@ -26,13 +26,15 @@ def with_networks(lines: LineSet) -> LineSet:
     -----
     Names are made of the place of the first wire, from west to east, as ids of lines are: they do not depend on tiles or on
     the order of the lines. Wires continue each other one to one, the nearest and straightest first; what branches off is
-    another circuit of the same network.
+    another circuit of the same network. A wire or pole at no finite place has none.
     """
     wires = np.flatnonzero(lines.kind == "cable")
-    if len(wires) == 0:
-        return lines
     first, last = lines.offsets[wires], lines.offsets[wires + 1] - 1
     ends = np.stack([lines.xyz[first], lines.xyz[last]], axis=1)
+    is_placed = np.isfinite(ends).all(axis=(1, 2)) & np.isfinite(midpoints(lines.take(wires))).all(axis=1)
+    wires, ends = wires[is_placed], ends[is_placed]
+    if len(wires) == 0:
+        return lines
     hung = hanging(ends)
     m = len(wires)
     same_span = _chained(hung.span)
@@ -49,6 +51,7 @@ def with_networks(lines: LineSet) -> LineSet:
         column[wires] = texts
         values[name] = column
     poles = np.flatnonzero(lines.kind == POLE)
+    poles = poles[np.isfinite(lines.xyz[lines.offsets[poles]]).all(axis=1)]
     if len(poles):
         nearest = cKDTree(ends[:, :, :2].reshape(-1, 2)).query(lines.xyz[lines.offsets[poles], :2])[1]
         values["network"][poles] = named["network"][np.asarray(nearest) // 2]

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.cables.band import CableBand
@@ -109,11 +110,15 @@ def find_poles(band: CableBand, wires: LineSet, of_wire: BoolArray) -> LineSet:
 
 def without_repeats(poles: LineSet) -> LineSet:
     """Return the poles of all tiles, each once: two tiles may both have one at the edge of their cores."""
-    kept: list[int] = []
-    for i in np.lexsort((*poles.xyz[poles.offsets[:-1]].T[::-1], -poles.confidence)).tolist():
-        away = poles.xyz[poles.offsets[kept], :2] - poles.xyz[poles.offsets[i], :2]
-        if not np.any(np.hypot(*away.T) < AIR_M[0]):
-            kept.append(i)
+    feet = poles.xyz[poles.offsets[:-1]]
+    near: list[set[int]] = [set() for _ in feet]
+    for i, j in cKDTree(feet[:, :2]).query_pairs(AIR_M[0]):
+        near[i].add(j)
+        near[j].add(i)
+    kept: set[int] = set()
+    for i in np.lexsort((*feet.T[::-1], -poles.confidence)).tolist():
+        if kept.isdisjoint(near[i]):
+            kept.add(i)
     return poles.take(sorted(kept))
 
 

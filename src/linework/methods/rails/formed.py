@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import BoolArray, FloatArray
+from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
 from linework.methods.rails.forms import (
     FormedStretch,
@@ -20,7 +22,7 @@ from linework.methods.rails.forms import (
     forms_along,
     is_agreed,
 )
-from linework.methods.rails.placed import PlacedRail, Stretch, near_stretches, place_rails
+from linework.methods.rails.placed import PlacedRail, Stretch, in_plan, near_nodes, place_rails
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.verdict import NodeScores
 from linework.surface.road import Ground
@@ -45,6 +47,26 @@ class Surroundings:
     config: ProfileConfig
 
 
+class _Shown(NamedTuple):
+    """A stretch of a placed rail that shows a form, the scores of the rail, and which of its nodes (n,) are paired."""
+
+    placed: PlacedRail
+    verdict: NodeScores
+    stretch: FormedStretch
+    paired: BoolArray
+
+    @property
+    def xyz(self) -> FloatArray:
+        """Nodes (k, 3). [m, world]."""
+        return self.placed.xyz[self.stretch.run]
+
+    @property
+    def score(self) -> FloatArray:
+        """Score (k,) of each node."""
+        explained = min(self.stretch.agreeing, self.stretch.section.explained)
+        return np.asarray(self.verdict.steady[self.stretch.run] * explained)
+
+
 def with_forms(
     found: list[Stretch],
     barriers: list[Stretch],
@@ -64,57 +86,82 @@ def with_forms(
         What they were fitted to and with.
     """
     kept: list[Stretch] = []
-    shown: list[tuple[PlacedRail, NodeScores, FormedStretch]] = []
+    shown: list[_Shown] = []
+    of_found = in_plan(found)
     least = round(around.config.min_length_m / around.circles.spacing_m) + 1
     for p, verdict in zip(placed, verdicts, strict=True):
         own = [s for s in found if s.placed is p]
-        free = (verdict.steady >= _STEADY) & ~near_stretches(p.xyz, found)
+        free = (verdict.steady >= _STEADY) & ~near_nodes(p.xyz, of_found)
         if not own and np.count_nonzero(free) < least:
             continue
         at, forms = forms_along(p.rail, p.above_ground_m, around.bins, around.circles)
         # What is no guardrail by its profile is none by its height alone
         others = formed_stretches(at, forms, free, around.circles, around.config)
-        shown += [(p, verdict, s) for s in others if s.section.form != "w_beam"]
+        alone = np.zeros(len(p.xyz), dtype=bool)
+        shown += [_Shown(p, verdict, s, alone) for s in others if s.section.form != "w_beam"]
         for s in own:
             stretch = form_of_run(at, forms, s.run)
-            other = is_agreed(stretch) and stretch.section.form != "w_beam"
-            if other and np.mean(_score(verdict, stretch)) >= _LIKELY:
-                shown.append((p, verdict, stretch))
+            other = _Shown(p, verdict, stretch, s.paired)
+            is_other = is_agreed(stretch) and stretch.section.form != "w_beam"
+            if is_other and np.mean(other.score) >= _LIKELY:
+                shown.append(other)
             else:
                 kept.append(_of_form(s, stretch))
-    concrete = _each_once([s for s in shown if s[2].section.kind == "barrier"], [], around)
-    # A barrier is found whole, or as before; nothing else stands on one
-    before = [s for s in barriers if np.mean(near_stretches(s.xyz, concrete)) < _MOSTLY]
-    concrete = [s for s in concrete if not near_stretches(s.xyz, before).any()] + before
-    no_concrete = [s for s in shown if s[2].section.kind != "barrier"]
+    concrete = _each_once([s for s in shown if s.stretch.section.kind == "barrier"], [], around)
+    concrete = _barriers_once(concrete, barriers, least)
+    # Nothing else stands on a barrier
+    no_concrete = [s for s in shown if s.stretch.section.kind != "barrier"]
     return kept + _each_once(no_concrete, concrete, around) + concrete
 
 
-def _each_once(
-    shown: list[tuple[PlacedRail, NodeScores, FormedStretch]], taken: list[Stretch], around: Surroundings
-) -> list[Stretch]:
+def _barriers_once(formed: list[Stretch], profiled: list[Stretch], least: int) -> list[Stretch]:
+    """Return the barriers that were found by form and by profile, each once.
+
+    One by profile is left out where it mostly runs on those by form; of one by form, what lies on the others is left
+    out: all of it where that is most, else parts of at least `least` nodes remain.
+    """
+    of_formed = in_plan(formed)
+    profiled = [s for s in profiled if np.mean(near_nodes(s.xyz, of_formed)) < _MOSTLY]
+    of_profiled = in_plan(profiled)
+    out = []
+    for s in formed:
+        near = near_nodes(s.xyz, of_profiled)
+        if not near.any():
+            out.append(s)
+        elif np.mean(near) < _MOSTLY:
+            out += [_part(s, run) for run in long_runs(~near, least)]
+    return out + profiled
+
+
+def _part(s: Stretch, part: slice) -> Stretch:
+    """Return some of the nodes of a stretch."""
+    run = slice(s.run.start + part.start, s.run.start + part.stop)
+    return replace(s, run=run, score=s.score[part])
+
+
+def _each_once(shown: list[_Shown], taken: list[Stretch], around: Surroundings) -> list[Stretch]:
     """Return the lines of stretches, the longest first, without those that mostly run on a line before them."""
     lines: list[Stretch] = []
-    likely = [s for s in shown if np.mean(_score(s[1], s[2])) >= _LIKELY]
-    for p, verdict, stretch in sorted(likely, key=lambda s: s[2].run.start - s[2].run.stop):
-        if np.mean(near_stretches(p.xyz[stretch.run], taken + lines)) < _AGAIN:
-            lines += _lines_of(p, verdict, stretch, around)
+    likely = [s for s in shown if np.mean(s.score) >= _LIKELY]
+    before = [in_plan(taken)]
+    for s in sorted(likely, key=_longest_first):
+        if np.mean(np.any([near_nodes(s.xyz, nodes) for nodes in before], axis=0)) < _AGAIN:
+            own = list(_lines_of(s, around))
+            before.append(in_plan(own))
+            lines += own
     return lines
 
 
-def _score(verdict: NodeScores, stretch: FormedStretch) -> FloatArray:
-    """Return the score of each node of a stretch."""
-    return np.asarray(verdict.steady[stretch.run] * min(stretch.agreeing, stretch.section.explained))
+def _longest_first(s: _Shown) -> tuple[int, list[list[float]], str]:
+    """Return what stretches are sorted by: equally long ones by place, whatever the order that they are found in."""
+    return -len(s.xyz), sorted(s.xyz[[0, -1]].tolist()), s.stretch.section.form
 
 
-def _lines_of(
-    p: PlacedRail, verdict: NodeScores, stretch: FormedStretch, around: Surroundings
-) -> Iterator[Stretch]:
+def _lines_of(shown: _Shown, around: Surroundings) -> Iterator[Stretch]:
     """Yield the lines of a stretch, fitted again."""
-    section, run = stretch.section, stretch.run
-    fits = fitted_again(p.rail, stretch, around.bins, around.circles, around.config)
-    score = _score(verdict, stretch)
-    whole = NodeScores(score, score, np.ones_like(score), steady=score, open_=verdict.open_[run])
+    section, run, score = shown.stretch.section, shown.stretch.run, shown.score
+    fits = fitted_again(shown.placed.rail, shown.stretch, around.bins, around.circles, around.config)
+    whole = NodeScores(score, score, np.ones_like(score), steady=score, open_=shown.verdict.open_[run])
     is_one = len(section.lines) == 1
     number = float(len(section.bands)) if is_one else 1.0
     for fit, band in zip(place_rails(fits, around.bins, around.surface), section.lines, strict=True):
@@ -125,7 +172,7 @@ def _lines_of(
             slice(0, len(score)),
             score,
             whole,
-            np.zeros(len(score), dtype=bool),
+            shown.paired[run],
             section.form,
             band.high_m - lowest.low_m,
             np.nan if section.kind == "barrier" else number,

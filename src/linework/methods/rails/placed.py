@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -89,9 +90,11 @@ class Stretch:
         return (self.placed.edge_xyz if self.kind == "barrier" else self.placed.xyz)[self.run]
 
 
-def near_stretches(xyz: FloatArray, stretches: list[Stretch]) -> BoolArray:
-    """Return which vertices (n, 3) are within the foot of a barrier from one of the stretches, (n,) bool."""
-    if not stretches:
-        return np.zeros(len(xyz), dtype=bool)
-    tree = cKDTree(np.concatenate([s.xyz for s in stretches])[:, :2])
-    return np.asarray(np.isfinite(tree.query(xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M)[0]))
+def in_plan(stretches: Sequence[Stretch]) -> cKDTree:
+    """Return the nodes of stretches in plan, to look for those near a place."""
+    return cKDTree(np.concatenate([np.zeros((0, 2)), *(s.xyz[:, :2] for s in stretches)]))
+
+
+def near_nodes(xyz: FloatArray, nodes: cKDTree) -> BoolArray:
+    """Return which vertices (n, 3) are within the foot of a barrier from one of the nodes in plan, (n,) bool."""
+    return np.asarray(np.isfinite(nodes.query(xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M)[0]))

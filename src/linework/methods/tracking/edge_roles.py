@@ -71,8 +71,10 @@ def edge_roles(
     whole = np.append(order, np.full(len(bounds), -1))
     same = own & (n.other < m) & (np.abs(n.across_m) < SAME_EDGE_M) & (whole[n.other] < whole[n.line])
     is_copy = share_of_stations(n, same, every)[:m] > 0.5
+    start = np.searchsorted(n.line, np.arange(m + 1))
     for i in np.flatnonzero(is_beside & ~is_copy).tolist():
-        here = nearest & (n.line == i)
+        of_line = np.arange(start[i], start[i + 1])
+        here = of_line[nearest[of_line]]
         typical_m = float(np.median(behind_m[here]))
         beside_kerb = bool(np.mean(is_kerb[n.other[here] - m]) > 0.5)
         if is_wall[i] and typical_m > 0.0:
@@ -81,8 +83,10 @@ def edge_roles(
             out[i] = "" if abs(height_m[i]) > HIGHEST_LIP_M else "gutter"
         elif typical_m > (BESIDE_KERB_M if beside_kerb else SAME_EDGE_M):
             side = float(np.sign(np.median(n.across_m[here])))
-            between = (n.line == i) & (n.other < m) & (side * n.across_m > SAME_EDGE_M)
-            between &= side * n.across_m < typical_m - SAME_EDGE_M
-            is_second = share_of_stations(n, between, every)[i] > _BESIDE
+            outwards_m = side * n.across_m[of_line]
+            between = (n.other[of_line] < m) & (outwards_m > SAME_EDGE_M)
+            between &= outwards_m < typical_m - SAME_EDGE_M
+            stations = np.unique(n.station[of_line[between]])
+            is_second = len(stations) / max(len(edges[i].xy), 1) > _BESIDE
             out[i] = "footway_back" if beside_kerb and not is_second else "verge"
     return out.astype(np.str_)

@@ -76,7 +76,7 @@ def places_apart(xy: FloatArray, apart_m: float) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Neighbours:
-    """The lines beside stations of lines.
+    """The lines beside stations of lines, in the order of the stations, hence of the lines.
 
     Parameters
     ----------
