@@ -33,6 +33,7 @@ COLOURS = dict(
             "#ff7f0e",
             "#e0218a",
             "#f7a8d0",
+            "#8a9a2b",
             "#d62728",
             "#7f3fbf",
             "#2a9d8f",
