@@ -97,6 +97,26 @@ def test_an_empty_layer_is_a_score_of_nothing_found(tmp_path, capsys):
     assert kinds == {"guardrail": 1, "cable": 0}
 
 
+def test_an_empty_layer_of_edges_beside_boundaries_or_poles_makes_none_wrong(tmp_path, capsys):
+    pole = ORIGIN + np.array([[0, 9, 0], [0, 9, 8]])
+    found = save(
+        tmp_path / "lines.gpkg", straight(), straight(3), pole, kind=["guardrail", "edge_other", "pole"]
+    )
+    layers = ("guardrail", "edge_other", "pole", "candidate")
+    truth = save(tmp_path / "truth.gpkg", straight(), layers=layers)
+    s = scores(capsys, found, truth)
+    assert [k["kind"] for k in s["kinds"]] == ["guardrail"]
+    s = scores(capsys, found, truth, "--kinds", "edge_other,pole")
+    assert {k["kind"]: k["at"]["correctness"] for k in s["kinds"]} == {"edge_other": 0, "pole": 0}
+
+
+def test_names_of_a_reference_may_stand_for_poles(tmp_path, capsys):
+    pole = ORIGIN + np.array([[0, 9, 0], [0, 9, 8]])
+    found = save(tmp_path / "lines.gpkg", pole, kind="pole")
+    truth = save(tmp_path / "truth.gpkg", pole, kind="mast")
+    assert scores(capsys, found, truth, "--kind-map", "mast=pole")["overall"]["at"]["completeness"] == 1
+
+
 def test_kinds_of_one_side_only_are_left_out_and_named(tmp_path, capsys):
     found = save(tmp_path / "lines.gpkg", straight(), straight(3), kind=["guardrail", "fence"])
     truth = save(tmp_path / "truth.gpkg", straight(), straight(5), kind=["guardrail", "lane_marking"])

@@ -43,6 +43,12 @@ def test_the_weaker_of_two_is_queued_with_what_it_shares():
     assert "20 cm beside" in item.reason and "30 m" in item.reason
 
 
+def test_a_pipe_of_a_rail_is_no_copy_of_the_one_above():
+    pipes = both(*(line(up=z, kind="guardrail", id=[f"{z}"], form=["tube"]) for z in (0.0, 0.25)))
+    assert copied_lines(pipes) == []
+    assert len(copied_lines(pipes.with_columns(form="w_beam"))) == 1
+
+
 @pytest.mark.parametrize(
     "other",
     [

@@ -51,6 +51,31 @@ def test_a_double_line_is_one_of_a_pair():
     assert list(double.mistaken_m) == ["single > double"]
 
 
+def test_a_number_of_beams_is_a_word_and_no_error_in_centimetres():
+    truth = lines(straight(0), straight(10), kind="guardrail", n_beams=[2, 1], lower_m=[0.4, 0.4])
+    found = lines(straight(0), straight(10), kind="guardrail", n_beams=[3, 1], lower_m=[0.5, 0.4])
+    scores = evaluate(found, truth)
+    assert only(scores).labels["n_beams"].mistaken_m == {"2 > 3": pytest.approx(100)}
+    assert only(scores).labels["n_beams"].share_right == pytest.approx(0.5)
+    (table,) = (t for t in score_tables(scores) if t.title.startswith("Errors of height"))
+    assert [row[1] for row in table.rows] == ["lower"]
+    assert "lower edge" in table.title
+
+
+def test_pipes_one_above_another_are_told_apart_by_their_heights():
+    def pipes(*heights):
+        return lines(*(straight() + np.array([0, 0, z]) for z in heights), kind="guardrail", form="tube")
+
+    s = only(evaluate(pipes(1.01, 0.51), pipes(0.5, 1.0))).at
+    assert (s.completeness, s.correctness) == (1, 1)
+    assert s.height.rmse_m == pytest.approx(0.01)
+    s = only(evaluate(pipes(1.01, 0.75), pipes(0.5, 1.0))).at
+    assert (s.completeness, s.correctness) == (pytest.approx(0.5), pytest.approx(0.5))
+    # Other rails are matched in plan
+    w_beam = only(evaluate(pipes(1.01).with_columns(form="w_beam"), pipes(0.5).with_columns(form="w_beam")))
+    assert (w_beam.at.completeness, w_beam.at.height.bias_m) == (1, pytest.approx(0.51))
+
+
 def test_boundaries_are_scored_by_form():
     truth = lines(
         straight(0), straight(10, 0, 50), kind="road_boundary", form=["kerb", "edge"], height_m=[0.12, 0.03]

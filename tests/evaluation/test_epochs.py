@@ -55,6 +55,28 @@ def test_two_surveys_of_an_unchanged_road_differ_by_at_most_one_place_per_km():
     assert np.mean(n) <= 1.0, n
 
 
+def test_edges_beside_boundaries_and_poles_are_not_compared():
+    old, new = epoch(1), epoch(1)
+    xyz = old[0].xyz
+    pole = np.array([xyz[9], xyz[9] + [0.0, 0.0, 8.0]])
+    more = LineSet.from_lines([xyz, pole], kind=["edge_other", "pole"], crs="EPSG:25832")
+    assert compare_epochs(LineSet.concatenate([old, more]), new)[0] == []
+    assert compare_epochs(old, LineSet.concatenate([new, more]))[0] == []
+
+
+def test_pipes_one_above_another_are_told_apart_by_their_heights():
+    def pipes(seed, names, raised_m=0.0):
+        moved = {n: [(0, 1000, 0, float(n))] for n in names}
+        moved["0.8"].append((400, 600, 0, raised_m))
+        return epoch(seed, {**TABLE, **dict.fromkeys(names, ("guardrail", 6.5))}, moved).with_columns(
+            form="tube"
+        )
+
+    (raised,) = found(pipes(1, ("0.4", "0.8")), pipes(2, ("0.8", "0.4"), 0.15), "moved")
+    assert (raised.line.id[0], raised.up_m) == ("0.8", pytest.approx(0.15, abs=0.03))
+    assert (raised.from_m, raised.to_m) == pytest.approx((400, 600), abs=10)
+
+
 def test_the_registration_is_that_of_the_navigation():
     old, new = epoch(1), epoch(2)
     _, registration = compare_epochs(old, new)

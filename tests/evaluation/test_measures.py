@@ -379,6 +379,17 @@ def test_kinds_come_in_the_order_of_the_layers():
     assert kinds_in(found, lines(straight(), kind="fence")) == ("guardrail", "fence", "cable", "ditch")
 
 
+@pytest.mark.parametrize("kind", ["edge_other", "pole"])
+def test_what_comes_unasked_is_wrong_only_where_the_reference_has_some(kind):
+    other = straight(9.0) if kind == "edge_other" else np.array([[0.0, 9.0, 0.0], [0.0, 9.0, 8.0]])
+    found = lines(straight(), other, kind=["cable", kind])
+    truth = lines(straight(), kind="cable")
+    assert [k.kind for k in evaluate(found, truth).kinds] == ["cable"]
+    assert evaluate(found, truth, kinds=["cable", kind])[kind].at.correctness == 0
+    elsewhere = lines(straight(), other + np.array([0.0, 50.0, 0.0]), kind=["cable", kind])
+    assert evaluate(found, elsewhere)[kind].at.correctness == 0
+
+
 def test_nothing_against_nothing_is_refused():
     with pytest.raises(UsageError, match="contain a line"):
         evaluate(LineSet.empty(), LineSet.empty())

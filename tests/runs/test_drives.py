@@ -189,6 +189,20 @@ def test_drives_without_a_line_in_common_stay():
     assert adjusted_drives(drives, path, [LineSet.empty(), LineSet.empty()]) is None
 
 
+def test_pipes_one_above_another_are_tied_each_to_itself():
+    drives = separate_drives(path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((0.0, 1.0), (300.0, 1.0))))
+
+    def pipes(across_m, up_m):
+        rails = [straight(5.0 + k * across_m, 0.5 + 0.4 * k + up_m, "guardrail") for k in (0, 1)]
+        return LineSet.concatenate(rails).with_columns(form="tube")
+
+    first, second = pipes(0.0, 0.0), pipes(0.01, 0.02)
+    ties = tie_drives(drives, [first, second], meet_lines(drives, [first, second]), None, reach_m=0.5)
+    high = ties.normal[:, 2] > 0.5
+    assert high.any()
+    assert np.abs(ties.apart_m[high]) == pytest.approx(0.02, abs=1e-6)
+
+
 def test_three_drives_weigh_as_much_as_they_are():
     legs = [((0.0, 0.0), (300.0, 0.0)), 60.0, ((0.0, 1.0), (300.0, 1.0)), 60.0, ((0.0, 2.0), (300.0, 2.0))]
     two, three = (separate_drives(path_of(*legs[:n])) for n in (3, 5))

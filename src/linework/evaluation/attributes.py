@@ -17,7 +17,7 @@ from linework.evaluation.values import ErrorStats, GroupScores, LabelScores
 from linework.model.lines import LineSet
 
 #: Attributes that are compared where the reference has them.
-COMPARED_LABELS = ("role", "pattern", "form", "double")
+COMPARED_LABELS = ("role", "pattern", "form", "double", "n_beams")
 
 
 def label_scores(matches: Sequence[PieceMatch], name: str, tolerance_m: float) -> LabelScores:
@@ -52,13 +52,15 @@ def label_scores(matches: Sequence[PieceMatch], name: str, tolerance_m: float) -
 
 def _texts(lines: LineSet, name: str) -> AnyArray:
     """Return (m,) str: the attribute of each line, "" where it has none."""
+    if name == "n_beams":
+        return np.array(["" if np.isnan(n) else f"{n:g}" for n in lines.n_beams], dtype=np.str_)
     if name != "double":
         return np.asarray(getattr(lines, name))
     return np.where(lines.pattern == "", "", np.where(lines.double, "double", "single"))
 
 
 #: Values of lines that are compared where both lines have them.
-ATTRIBUTES = ("height_m", "lower_m", "n_beams", "width_m", "clearance_m")
+ATTRIBUTES = ("height_m", "lower_m", "width_m", "clearance_m")
 
 
 def attribute_errors(matches: Sequence[PieceMatch], name: str, tolerance_m: float) -> ErrorStats:

@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.errors import InputError
-from linework.model.lines import LineSet
+from linework.model.lines import STACKED_FORM, LineSet
 
 #: Lines are compared in pieces no longer than this (docs/evaluation.md). [m]
 COMPARED_PIECE_M = 0.1
@@ -77,6 +77,11 @@ class Chains:
 
     def __len__(self) -> int:
         return len(self.lines)
+
+    @property
+    def is_stacked(self) -> BoolArray:
+        """Return which lines (m,) bool lie one above another, told apart by heights."""
+        return np.asarray(self.lines.form == STACKED_FORM)
 
     def at(self, line: IntArray, chainage_m: FloatArray) -> FloatArray:
         """Return (k, 3) positions [m, local] at chainages (k,) [m] of lines (k,); beyond an end: that end."""

@@ -28,7 +28,7 @@ from linework.evaluation.shifts import (
 )
 from linework.lines.along import line_stretch, runs_of
 from linework.lines.crosscuts import Axis, axis_along, cross_cuts
-from linework.model.lines import CANDIDATE, LineSet
+from linework.model.lines import CANDIDATE, POLE, STACKED_FORM, LineSet
 
 #: Lines of one kind nearer than this are the same line; a kerb that moves further is another one. [m]
 SAME_M = 1.5
@@ -43,8 +43,9 @@ _PRIOR_SHIFT_M, _PRIOR_TURN = 0.3, 0.002
 _ALONG_COSINE = 0.9
 #: A measured line of any kind this near says that the place was visible. [m]
 _VISIBLE_M = 10.0
-#: Kinds that are parts of others, and change with them.
-_PARTS = ("lane_marking_dash",)
+#: Kinds that are not compared: dashes change with their markings; candidates were not taken; edges beside boundaries are
+#: kept only where a boundary lies beside them, and come and go with it; poles have no length along the road.
+_NOT_COMPARED = ("lane_marking_dash", CANDIDATE, "edge_other", POLE)
 #: A height has changed beyond this many deviations: by chance one line in 370.
 _HEIGHT_DEVIATIONS = 3.0
 #: Least deviation of a position, where lines state none: the repeatability of good mobile mapping. [m]
@@ -167,7 +168,7 @@ def compare_epochs(
         for line, from_m, to_m, n in dash_runs(lines, other)
     ]
     whole = old, new
-    old, new = (s.take(~np.isin(s.kind, (*_PARTS, CANDIDATE)) & (s.length_m > 0)) for s in (old, new))
+    old, new = (s.take(~np.isin(s.kind, _NOT_COMPARED) & (s.length_m > 0)) for s in (old, new))
     there, back = _stations(old, new), _stations(new, old)
     registration = _registered(there)
     if paint is not None:
@@ -213,7 +214,7 @@ def _stations(lines: LineSet, others: LineSet) -> _Stations:
         sigma = np.column_stack(
             [np.interp(along, vertex_m, s[first:last]) for s in (lines.sigma_xy_m, lines.sigma_z_m)]
         )
-        found = _partners(axis, str(lines.kind[i]), others)
+        found = _partners(axis, str(lines.kind[i]), str(lines.form[i]), others)
         columns.append(
             (np.full(n, i), along, axis.xyz, axis.left, lines.bridged[first:last][nearest], *found, sigma)
         )
@@ -230,7 +231,7 @@ def _stations(lines: LineSet, others: LineSet) -> _Stations:
     return _Stations(line, along, xyz, left, bridged, partner, across, up, sigma_m, hidden, visible)
 
 
-def _partners(axis: Axis, kind: str, others: LineSet) -> tuple[AnyArray, ...]:
+def _partners(axis: Axis, kind: str, form: str, others: LineSet) -> tuple[AnyArray, ...]:
     """Return the nearest line of the same kind at each station, its differences, and whether the place was visible."""
     n = len(axis.station_m)
     partner, across, up = np.full(n, -1), np.full(n, np.nan), np.full(n, np.nan)
@@ -238,9 +239,9 @@ def _partners(axis: Axis, kind: str, others: LineSet) -> tuple[AnyArray, ...]:
     cuts = cross_cuts(others, axis, reach_m=_VISIBLE_M)
     if len(cuts):
         visible[cuts.station[~cuts.bridged]] = True
-        # Wires hang above each other: they are told apart in space
-        above = cuts.up_m - axis.xyz[cuts.station, 2] if kind == "cable" else np.zeros(len(cuts))
-        away = np.hypot(cuts.offset_m, above)
+        # Wires hang above each other, as do the pipes of a rail: they are told apart in space
+        in_space = (others.form[cuts.line] == STACKED_FORM) & (form == STACKED_FORM) | (kind == "cable")
+        away = np.hypot(cuts.offset_m, np.where(in_space, cuts.up_m - axis.xyz[cuts.station, 2], 0.0))
         is_same = (others.kind[cuts.line] == kind) & (np.abs(cuts.cosine) >= _ALONG_COSINE)
         same = np.flatnonzero(is_same & (away <= SAME_M))
         # From the farthest to the nearest: the last one written stays

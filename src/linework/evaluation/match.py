@@ -100,17 +100,19 @@ def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> PieceM
         reference=reference,
         e_pieces=e_pieces,
         r_pieces=r_pieces,
-        e_nearest=nearest_along(e_pieces, reference, reach_m),
-        r_nearest=nearest_along(r_pieces, extracted, reach_m),
+        e_nearest=nearest_along(e_pieces, reference, reach_m, extracted.is_stacked),
+        r_nearest=nearest_along(r_pieces, extracted, reach_m, reference.is_stacked),
         r_observed=reference.observed_at(r_pieces.line, r_pieces.chainage_m),
         reach_m=reach_m,
     )
 
 
-def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest:
+def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float, is_stacked: BoolArray) -> Nearest:
     """Return for each piece the nearest point on `chains` of the same direction.
 
     Distances are to the lines themselves, not to samples. Of two lines at equal distance the first is taken.
+    `is_stacked` (m,) bool says which lines the pieces are of that are pipes of a rail: their distances to other pipes
+    are in space.
     """
     distance_m = np.full(len(pieces), np.inf)
     line = np.full(len(pieces), -1, dtype=np.int64)
@@ -122,6 +124,9 @@ def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest
         along = np.einsum("ij,ij->i", pieces.xyz[query, :n] - start, step)
         part = np.clip(along / np.einsum("ij,ij->i", step, step), 0.0, 1.0)
         gap_m = np.linalg.norm(start + part[:, None] * step - pieces.xyz[query, :n], axis=1)
+        both = is_stacked[pieces.line[query]] & chains.is_stacked[segments.line[k]]
+        up_m = segments.start[k, 2] + part * (segments.end - segments.start)[k, 2] - pieces.xyz[query, 2]
+        gap_m = np.where(both & np.isfinite(up_m), np.hypot(gap_m, up_m), gap_m)
         # Directions cost most: only for candidates within reach
         near = np.flatnonzero(gap_m <= reach_m + TIE_M)
         there = k[near]

@@ -31,6 +31,8 @@ from linework.model.lines import CANDIDATE, KINDS, POLE, LineSet
 _CURVE_M = (0.05, 0.10, 0.20, 0.50)
 #: Largest tolerance [m]: far more than the spacing of neighbouring lines, so that a match is meaningless beyond it.
 _MAX_TOLERANCE_M = 10.0
+#: Kinds that are found unasked and that few references hold: they are wrong only where the reference has lines of them.
+_WHERE_REFERENCE_HAS_THEM = ("edge_other", POLE)
 
 
 def evaluate(
@@ -50,8 +52,9 @@ def evaluate(
     tolerance_m
         Distance within which a line counts as found: in space for cables, in plan for all other kinds. [m]
     kinds
-        Kind or kinds to score; None: every kind present in either set. A kind that only one of them has is scored
-        too: nothing of it was found, or nothing of it is right (`Scores.missed`, `Scores.unexpected`).
+        Kind or kinds to score; None: every kind present in either set, `edge_other` and `pole` only where `truth` has
+        them, and no candidates. A kind that only one of them has is scored too: nothing of it was found, or nothing of
+        it is right (`Scores.missed`, `Scores.unexpected`).
     curve_m
         Further tolerances to score at. [m]
 
@@ -116,7 +119,7 @@ def _kinds_to_score(kinds: str | Sequence[str], *sets: LineSet) -> tuple[str, ..
         A kind that linework does not know and that is in neither set.
     """
     chosen = tuple(dict.fromkeys([kinds] if isinstance(kinds, str) else kinds))
-    known = tuple(dict.fromkeys((*KINDS, *kinds_in(*sets))))
+    known = tuple(dict.fromkeys((*KINDS, POLE, *kinds_in(*sets))))
     unknown = [str(kind) for kind in chosen if kind not in known]
     if unknown or not chosen:
         problem = "no kind of line is named"
@@ -159,13 +162,26 @@ def match_lines(
                 where="evaluate",
             )
     reach_m = max(tolerance_m, *curve_m)
-    # Candidates were not taken, and few references have the edges beside boundaries: they count where they are named
-    there = [kind for kind in kinds_in(extracted, reference) if kind != CANDIDATE]
-    if "edge_other" not in kinds_in(reference):
-        there = [kind for kind in there if kind != "edge_other"]
-    chosen = tuple(there if kinds is None else kinds)
+    chosen = scored_unasked(kinds_in(extracted, reference), reference) if kinds is None else tuple(kinds)
     parts = (match_kind(extracted, reference, kind, reach_m) for kind in chosen)
     return tuple(replace(part, dash_end_m=dash_end_m) for part in parts)
+
+
+def scored_unasked(kinds: Sequence[str], reference: LineSet) -> tuple[str, ...]:
+    """Return those of `kinds` that are scored where none are named.
+
+    Candidates were not taken. `edge_other` and poles count where the reference has lines of them: an empty layer does
+    not say that somebody looked for them.
+
+    >>> scored_unasked(["edge_other", "cable", "pole", "candidate"], LineSet.empty())
+    ('cable',)
+    """
+    there = kinds_in(reference)
+    return tuple(
+        kind
+        for kind in kinds
+        if kind != CANDIDATE and (kind not in _WHERE_REFERENCE_HAS_THEM or kind in there)
+    )
 
 
 def scores_of(

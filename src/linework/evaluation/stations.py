@@ -32,8 +32,8 @@ class Stations:
     height_m
         (k,) [m]: extracted minus reference height.
     offset_m
-        (k,) [m]: the distance that is compared with a tolerance: |lateral_m|, or for cables the distance in the
-        vertical plane across the reference.
+        (k,) [m]: the distance that is compared with a tolerance: |lateral_m|, or for cables and pipes of rails the
+        distance in the vertical plane across the reference.
     sigma_xy_m, sigma_z_m
         (k,) [m]: the sigmas of the extracted line there.
     is_observed
@@ -117,7 +117,11 @@ def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> St
         found = _crossings(stations, segments, query, k)
         met_direction = extracted.direction_at(segments.line[found.segment], found.chainage_m)
         same = same_direction(met_direction, stations.direction[found.query], MAX_ANGLE_DEG)
-        size = np.abs(found.left_m) if extracted.n_dims == 2 else np.hypot(found.left_m, found.up_m)
+        in_space = (
+            extracted.is_stacked[segments.line[found.segment]] & reference.is_stacked[line[found.query]]
+        )
+        in_space = (in_space & np.isfinite(found.up_m)) | (extracted.n_dims == 3)
+        size = np.where(in_space, np.hypot(found.left_m, found.up_m), np.abs(found.left_m))
         near = np.flatnonzero(same & (size <= reach_m + TIE_M))
         best = near[first_per_query(found.query[near], size[near], found.segment[near])]
         to = found.query[best]

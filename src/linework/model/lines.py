@@ -25,6 +25,9 @@ KINDS = (
 #: The kind of what stands at a place: in a `LineSet` a vertical line from its foot to its top, in files a point.
 POLE = "pole"
 
+#: The form of rails that are a line per pipe, one above another: only heights tell such lines apart.
+STACKED_FORM = "tube"
+
 #: Kind of the lines that were measured and not taken, which are only written on request: see `candidate_kind`.
 CANDIDATE = "candidate"
 

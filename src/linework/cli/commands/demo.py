@@ -143,5 +143,7 @@ def _score_and_report(
 
 def _scored(found: Extraction, truth: LineSet) -> tuple[str, ...]:
     """Return the kinds searched for that the lines or the truth hold."""
+    from linework.evaluation.measures import scored_unasked
+
     present = {str(kind) for lines in (found.lines, truth) for kind in lines.kind}
-    return tuple(kind for kind in found.kinds if kind in present)
+    return scored_unasked([kind for kind in found.kinds if kind in present], truth)

@@ -10,7 +10,7 @@ import shapely
 
 from linework.arrays import FloatArray, distance_along
 from linework.editing.queue.suspects import REVIEWED_TOGETHER, Suspect, line_middle, view_box
-from linework.model.lines import LineSet
+from linework.model.lines import STACKED_FORM, LineSet
 
 #: Length over which two lines run together before they are queued: shorter, they may cross or meet. [m]
 LEAST_TOGETHER_M = 5.0
@@ -56,7 +56,8 @@ def _copies_of(lines: LineSet) -> list[Suspect]:
         if i == j:
             continue
         weak, other = _weaker_first(lines, i, j)
-        if lines.review[weak] != "":
+        # The pipes of a rail are one above another
+        if lines.review[weak] != "" or set(lines.form[[i, j]].tolist()) == {STACKED_FORM}:
             continue
         limit_m = float(width_m[[i, j]].mean()) + _N_SIGMAS * float(np.hypot(sigma_m[i], sigma_m[j]))
         together_m, apart_m = _together(lines[weak].xyz, lines[other].xyz, limit_m)

@@ -124,7 +124,7 @@ def _attributes(rows: Sequence[KindScores]) -> ReportTable:
         if errors.n
     ]
     columns = ("kind", "value", "lines", "bias", "RMSE", "median", "95 %")
-    return ReportTable("Errors of height, width and clearance in cm", columns, tuple(texts))
+    return ReportTable("Errors of height, lower edge, width and clearance in cm", columns, tuple(texts))
 
 
 def _calibration(rows: Sequence[KindScores]) -> ReportTable:

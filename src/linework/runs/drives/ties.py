@@ -12,10 +12,10 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, FloatArray, IntArray, distance_along
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
 from linework.lines.crosscuts import axis_along, cross_cuts
 from linework.model.columns import Columns, column
-from linework.model.lines import LineSet
+from linework.model.lines import STACKED_FORM, LineSet
 from linework.runs.drives.adjustment import DriveTies, PathCorrection
 from linework.runs.drives.separate import DriveSpan
 
@@ -56,6 +56,8 @@ class MetLine(Columns):
         (n, 2) standard deviations of that, for a tie of whole length. [m]
     other
         (n,) int64 number of the other line among those of its kind.
+    is_stacked
+        (n,) bool: both are pipes of a rail, one above another.
     """
 
     station: IntArray = column(np.int64)
@@ -67,6 +69,7 @@ class MetLine(Columns):
     rise_m: FloatArray = column()
     sigma_m: FloatArray = column(np.float64, 2)
     other: IntArray = column(np.int64)
+    is_stacked: BoolArray = column(np.bool_)
 
 
 #: What two drives have in common, by their numbers: of the first one's lines.
@@ -168,6 +171,7 @@ def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet
             MetLine(
                 station=k, at_m=axis.station_m[k], time_s=time[k], other_s=other_s[k], left=axis.left[k],
                 offset_m=cuts.offset_m, rise_m=cuts.up_m - axis.xyz[k, 2], sigma_m=both, other=cuts.line,
+                is_stacked=(kinds[kind].form[cuts.line] == STACKED_FORM) & (lines.form[i] == STACKED_FORM),
             )
         )  # fmt: skip
     return met
@@ -189,7 +193,7 @@ def _of_lines(met: Sequence[MetLine], correction: PathCorrection | None, reach_m
             for apart, along in ((near.offset_m, normal), (near.rise_m, up))
         )
         # The nearest of each station, and only where it is near
-        order = np.lexsort((np.abs(left), k))
+        order = np.lexsort((np.where(near.is_stacked, np.hypot(left, high), np.abs(left)), k))
         nearest = order[np.concatenate([[True], np.diff(k[order]) > 0])]
         nearest = nearest[(np.abs(left[nearest]) <= reach_m) & (np.abs(high[nearest]) <= reach_m)]
         where = near.at_m, near.time_s, near.other_s

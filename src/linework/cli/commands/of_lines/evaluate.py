@@ -63,7 +63,8 @@ def evaluate_command(
     """Score LINES against REFERENCE.
 
     Reports completeness, correctness, quality, and lateral and height errors. Scores the kinds that both files hold.
-    An empty layer counts as holding its kind, so a kind of which nothing was found is scored too.
+    An empty layer counts as holding its kind, so a kind of which nothing was found is scored too; but edges beside
+    boundaries and poles are scored only where REFERENCE has some, or where --kinds names them.
     """
     from linework.errors import PartialError, UsageError, check_extra
     from linework.evaluation.measures import match_lines, scores_of
@@ -81,7 +82,7 @@ def evaluate_command(
         found = _read(lines, "kind", {}, crs, left_out)
         truth = _read(reference, kind_field, names, crs, left_out)
         held = (_kinds_held(lines, found, {}), _kinds_held(reference, truth, names))
-        chosen = _requested_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
+        chosen = _requested_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held, truth)
         _report_not_scored(chosen, found, truth)
         parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
         scores = scores_of(parts, tolerance_m=tolerance_m)
@@ -103,8 +104,9 @@ def evaluate_command(
 def _parsed_map(text: str) -> dict[str, str]:
     """Return the kinds of --kind-map by name."""
     from linework.errors import UsageError
-    from linework.model.lines import KINDS
+    from linework.model.lines import KINDS, POLE
 
+    known = (*KINDS, POLE)
     names: dict[str, str] = {}
     for entry in filter(None, (part.strip() for part in text.split(","))):
         name, equals, kind = (part.strip() for part in entry.partition("="))
@@ -114,9 +116,9 @@ def _parsed_map(text: str) -> dict[str, str]:
                 where="--kind-map",
                 advice="give pairs such as a=guardrail,b=cable",
             )
-        if kind not in KINDS:
+        if kind not in known:
             raise UsageError(
-                f"unknown kind '{kind}'", where="--kind-map", advice=f"choose from {', '.join(KINDS)}"
+                f"unknown kind '{kind}'", where="--kind-map", advice=f"choose from {', '.join(known)}"
             )
         names[name] = kind
     return names
@@ -166,27 +168,32 @@ def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str
     return held
 
 
-def _shared_kinds(lines: Path, reference: Path, held: tuple[set[str], set[str]]) -> tuple[str, ...]:
+def _shared_kinds(
+    lines: Path, reference: Path, held: tuple[set[str], set[str]], truth: LineSet
+) -> tuple[str, ...]:
     from linework.errors import InputError
+    from linework.evaluation.measures import scored_unasked
     from linework.model.lines import KINDS
 
     shared = held[0] & held[1]
-    if not shared:
+    in_order = (*(k for k in KINDS if k in shared), *sorted(shared - set(KINDS)))
+    scored = scored_unasked(in_order, truth)
+    if not scored:
         a, b = (", ".join(sorted(kinds)) or "no lines" for kinds in held)
         raise InputError(
             f"no kind in common: the lines hold {a}, {reference.name} holds {b}",
             where=lines,
             advice="map the names with --kind-map, or choose with --kinds",
         )
-    return tuple(k for k in KINDS if k in shared) + tuple(sorted(shared - set(KINDS)))
+    return scored
 
 
 def _requested_kinds(text: str, held: tuple[set[str], set[str]]) -> tuple[str, ...]:
     from linework.errors import UsageError
-    from linework.model.lines import KINDS
+    from linework.model.lines import KINDS, POLE
 
     requested = tuple(dict.fromkeys(filter(None, (part.strip() for part in text.split(",")))))
-    known = set(KINDS) | held[0] | held[1]
+    known = {*KINDS, POLE} | held[0] | held[1]
     unknown = [kind for kind in requested if kind not in known]
     if unknown or not requested:
         raise UsageError(
