@@ -80,7 +80,7 @@ class Chains:
 
     @property
     def is_stacked(self) -> BoolArray:
-        """Return which lines (m,) bool lie one above another, told apart by heights."""
+        """Return (m,) bool: one of several lines above one another."""
         return np.asarray(self.lines.form == STACKED_FORM)
 
     def at(self, line: IntArray, chainage_m: FloatArray) -> FloatArray:
