@@ -279,7 +279,7 @@ class Cluster:
                 ) from error  # fmt: skip
             raise MachineError(
                 f"a worker failed {said}", where=self._address,
-                advice="the log of the worker may say more; the same command with --resume goes on",
+                advice="see the log of the worker, then continue with --resume",
             ) from error  # fmt: skip
         answer = future.result()
         if isinstance(answer, OSError):

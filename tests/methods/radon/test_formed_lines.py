@@ -57,9 +57,9 @@ def test_a_long_barrier_that_meets_a_piece_found_before_keeps_the_rest_of_its_le
     assert [len(s.score) for s in found] == [len(s.xyz) for s in found]
 
 
-def test_barriers_that_mostly_cover_each_other_are_one():
+def test_barriers_found_by_profile_keep_their_line():
     long, short, apart = barrier(0.0, 101), barrier(5.0, 41), barrier(0.0, 41, north_m=2.0)
-    assert spans(formed._barriers_once([long], [short], LEAST)) == spans([long])
+    assert spans(formed._barriers_once([long], [short], LEAST)) == [(0.0, 4.5), (25.5, 50.0), (5.0, 25.0)]
     assert spans(formed._barriers_once([short], [long], LEAST)) == spans([long])
     assert spans(formed._barriers_once([long], [apart], LEAST)) == spans([long, apart])
 

@@ -27,9 +27,7 @@ from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.verdict import NodeScores
 from linework.surface.road import Ground
 
-#: Share of a line from which on another line that runs on it stands for it.
-_MOSTLY = 0.8
-#: The same for what a form is found on a second time: on a lid, on the posts behind.
+#: Share of a line from which on another line that runs on it stands for it: on a lid, on the posts behind.
 _AGAIN = 0.5
 #: Mean score of a stretch from which on it is more likely what it shows than not.
 _LIKELY = 0.5
@@ -117,19 +115,13 @@ def with_forms(
 def _barriers_once(formed: list[Stretch], profiled: list[Stretch], least: int) -> list[Stretch]:
     """Return the barriers that were found by form and by profile, each once.
 
-    One by profile is left out where it mostly runs on those by form; of one by form, what lies on the others is left
-    out: all of it where that is most, else parts of at least `least` nodes remain.
+    Of one by form, what lies on those by profile is left out; parts of at least `least` nodes remain.
     """
-    of_formed = in_plan(formed)
-    profiled = [s for s in profiled if np.mean(near_nodes(s.xyz, of_formed)) < _MOSTLY]
     of_profiled = in_plan(profiled)
     out = []
     for s in formed:
         near = near_nodes(s.xyz, of_profiled)
-        if not near.any():
-            out.append(s)
-        elif np.mean(near) < _MOSTLY:
-            out += [_part(s, run) for run in long_runs(~near, least)]
+        out += [_part(s, run) for run in long_runs(~near, least)] if near.any() else [s]
     return out + profiled
 
 
