@@ -58,7 +58,7 @@ def read_wheels(path):
             {"road": "lunar"},
             "road: there is no road 'lunar'. Choose one of straight, bends, urban, motorway, ",
         ),
-        ({"road": None}, "road: there is no road None. Choose one of"),
+        ({"road": None}, "road: there is no road None. Did you mean tunnel? Choose one of"),
         ({"length_m": 5}, "length_m: a road of 5 m cannot be simulated. Choose 40 to 5000 m."),
         ({"length_m": -100.0}, "length_m: a road of -100 m cannot be simulated. Choose 40 to"),
         ({"length_m": float("nan")}, "length_m: a road of nan m cannot be simulated. Choose 40 to"),
