@@ -253,5 +253,5 @@ def test_a_plot_shows_each_kind_to_scale_and_bridged_stretches_dashed():
 
 
 def test_kinds_are_in_the_order_of_the_layers():
-    assert LineSet.from_lines([np.eye(3)] * 9, kind=KINDS[::-1]).kinds == KINDS
+    assert LineSet.from_lines([np.eye(3)] * len(KINDS), kind=KINDS[::-1]).kinds == KINDS
     assert LineSet.empty().kinds == ()

@@ -60,7 +60,8 @@ def facade(x0, x1, y, height_m, rng, step=(0.10, 0.06)):
 
 def cables_of(points):
     height = (points[:, 2] - ORIGIN[2]).astype(np.float32)
-    return find_cables(points, None, height, CableConfig())
+    found = find_cables(points, None, height, CableConfig())
+    return found.take(found.kind == "cable")
 
 
 def scores(lines, truth):

@@ -94,7 +94,7 @@ def test_the_result_is_one_change(served, done):
     _, last, told, before = done
     assert last["state"] == "done"
     assert last["message"] == ""
-    assert set(last["counts"]) == {"guardrail", "cable"}
+    assert set(last["counts"]) == {"guardrail", "cable", "pole"}  # poles come with their wires
     (changed,) = [m for _, m in told if m["type"] == "changed" and m["action"] == "extract"]
     assert len(changed["lines"]) == sum(last["counts"].values()) > 0
     # Other kinds were not looked for

@@ -279,7 +279,7 @@ class Cluster:
                 ) from error  # fmt: skip
             raise MachineError(
                 f"a worker failed {said}", where=self._address,
-                advice="see the log of the worker, then continue with --resume",
+                advice="see the log of the worker, then resume the run",
             ) from error  # fmt: skip
         answer = future.result()
         if isinstance(answer, OSError):

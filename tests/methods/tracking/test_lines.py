@@ -335,7 +335,7 @@ def test_a_step_down_runs_along_its_top_with_the_road_to_its_left():
     assert np.allclose(again.line.xyz, kerb.line.xyz)
 
 
-def test_an_edge_line_above_a_low_verge_is_a_marking_and_the_step_a_drop():
+def test_an_edge_line_above_a_low_verge_is_a_marking_and_the_step_an_edge():
     # The verge lies to the south, 12 cm lower than the pavement; the path runs 1.5 m north of its edge
     step = straight(60.0, y=-3.2, x=60.0, heading=np.pi)
     boxes = BoxSet.concatenate(
@@ -350,7 +350,7 @@ def test_an_edge_line_above_a_low_verge_is_a_marking_and_the_step_a_drop():
     markings = lines.take(lines.kind == "lane_marking")
     assert sorted(np.round([line.xyz[:, 1].mean() for line in markings], 1).tolist()) == [-2.9, 0.2]
     edge = lines.take(lines.kind == "road_boundary")
-    assert edge.form.tolist() == ["drop"]
+    assert edge.form.tolist() == ["edge"]
     assert edge.height_m[0] == pytest.approx(-0.12, abs=0.01)
     xyz = edge[0].xyz
     assert xyz[-1, 0] > xyz[0, 0], "the carriageway is to its left"

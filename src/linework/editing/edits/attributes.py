@@ -10,7 +10,7 @@ import numpy as np
 from linework.errors import UsageError
 from linework.model.lines import CANDIDATE, CONDITIONS, KINDS, POLE, REVIEWS, LineSet
 
-_PAINT_ROLES, _EDGE_FORMS = ("edge", "lane", "centre"), ("kerb", "drop", "edge", "barrier")
+_PAINT_ROLES, _EDGE_FORMS = ("edge", "lane", "centre"), ("kerb", "edge", "barrier")
 #: Values that can be chosen for a column of a kind, where kinds differ.
 _CHOICES_OF: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "role": {

@@ -28,8 +28,6 @@ LEAST_PAVEMENT_EDGE_M = 8.0
 UNMEASURED_M = 1.5
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
-#: A verge that is lower by this much is a drop: the smallest step that counts as a kerb. [m]
-LEAST_DROP_M = 0.015
 #: Why boxes make no boundary.
 SHORT = "short: patches and objects are as long"
 LESS_LIKELY = "less likely an edge than even ground"
@@ -195,12 +193,6 @@ def edge_lines(found: Sequence[tuple[SmoothBoundary, str]]) -> LineSet:
     return _line_set(lines, "edge_other", [edge.line for edge in lines]).with_columns(role=roles)
 
 
-def _form_of(boundary: SmoothBoundary) -> str:
-    """Return the form of a boundary as lines have it: an edge whose verge is lower is a drop."""
-    is_drop = boundary.form == "edge" and float(np.median(boundary.height_m)) <= -LEAST_DROP_M
-    return "drop" if is_drop else boundary.form
-
-
 def _line_set(found: Sequence[SmoothBoundary], kind: str, lines: Sequence[SmoothLine]) -> LineSet:
     """Return boundaries as lines of a kind, with these places."""
     if not found:
@@ -209,7 +201,7 @@ def _line_set(found: Sequence[SmoothBoundary], kind: str, lines: Sequence[Smooth
         [line.xyz for line in lines],
         kind=[kind] * len(found),
         method=["obb"] * len(found),
-        form=[_form_of(b) for b in found],
+        form=[b.form for b in found],
         sigma_xy_m=np.concatenate([line.sigma_xy_m for line in lines]),
         sigma_z_m=np.concatenate([line.sigma_z_m for line in lines]),
         bridged=np.concatenate([bridged_boundary_stations(line) for line in lines]),

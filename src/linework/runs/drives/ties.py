@@ -23,6 +23,8 @@ from linework.runs.drives.separate import DriveSpan
 TIE_KINDS = ("lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier")
 #: Kinds of which drives on either side measure different faces, and what that may make. [m]
 _FACED, _FACE_M = ("guardrail", "barrier"), 0.02
+#: Forms of rails whose upper edge moves by more than its standard deviation says (decision 66).
+_INEXACT_FORMS = ("thrie_beam", "box_beam", "cable_barrier", "concrete")
 #: Length over which the differences of two lines are one tie: errors of lines are related over some metres. [m]
 _PIECE_M = 5.0
 #: Reach of the first ties, less than half of the width of a lane, and of the last ones, less than the width of a stripe:
@@ -144,7 +146,10 @@ def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet
     """Return what each line of a drive has in common with the other drive's lines of its kind."""
     met: list[MetLine] = []
     kinds = {kind: others.take(others.kind == kind) for kind in TIE_KINDS if kind != "lane_marking_dash"}
-    for i in np.flatnonzero(np.isin(lines.kind, list(kinds)) & (lines.length_m >= _PIECE_M)).tolist():
+    is_exact = ~np.isin(lines.form, _INEXACT_FORMS)
+    for i in np.flatnonzero(
+        np.isin(lines.kind, list(kinds)) & is_exact & (lines.length_m >= _PIECE_M)
+    ).tolist():
         kind = str(lines.kind[i])
         axis = axis_along("", lines[i].xyz)
         time, other_s = one.passing_s(axis.xyz[:, :2]), other.passing_s(axis.xyz[:, :2])

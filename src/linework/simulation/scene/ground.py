@@ -19,8 +19,6 @@ from linework.simulation.scene.materials import Material
 from linework.simulation.scene.meshes import Mesh, sheet
 from linework.simulation.scene.part import Part, TruthLine
 
-#: A verge that is lower by this much and more is a drop: the smallest step that counts as a kerb. [m]
-DROP_M = 0.015
 #: Depth of a kerb stone behind its face.
 _KERB_TOP_M = 0.15
 
@@ -123,8 +121,7 @@ def boundary_truth(road: Road, far_edges_m: tuple[float, ...]) -> Part:
             q = sign * (side.width_m + np.maximum(path[:, 1], side.extra_m(at)))
             level = road.carriageway_height(at, q)
             foot = road.place(at, q, level)
-            form = "drop" if side.form == "edge" and step <= -DROP_M else side.form
-            lines.append(TruthLine(kind="road_boundary", xyz=foot, form=form, height_m=step))
+            lines.append(TruthLine(kind="road_boundary", xyz=foot, form=side.form, height_m=step))
             if side.form == "kerb":
                 rise = side.rise(at, np.full(len(at), KERB_BATTER_M))
                 top = road.place(at, q + sign * KERB_BATTER_M, level + rise)
