@@ -19,8 +19,8 @@ from linework.model.lineset.report import Report
 
 #: The kinds of line, in the order of their layers.
 KINDS = (
-    "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "edge_other",
-    "guardrail", "barrier", "fence", "cable",
+    "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "guardrail", "barrier",
+    "fence", "cable", "edge_other",
 )  # fmt: skip
 #: The kind of what stands at a place: in a `LineSet` a vertical line from its foot to its top, in files a point.
 POLE = "pole"
