@@ -32,7 +32,7 @@ RECORDING_OF = {
     "obb-2023": "points", "radon-2002": "points", "stereo-1992": "pairs",
 }  # fmt: skip
 #: All kinds that can be asked for, in their fixed order.
-ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
+ALL_KINDS = tuple(kind for kind in KINDS if any(kind in kinds for kinds in KINDS_OF.values()))
 
 
 def kinds_in_order(kinds: Iterable[str]) -> tuple[str, ...]:
