@@ -97,27 +97,13 @@ def test_a_short_edge_of_the_pavement_is_not_enough_where_an_edge_line_may_be_mi
 
 def test_short_paint_bounds_a_lane_where_it_goes_on():
     """Fifteen metres alone may be a bay; two pieces in one line are a line that is hidden between them."""
-    first = (
-        "first",
-        "lane_marking",
-        lambda x: np.where((x >= 20) & (x <= 35), 0.0, np.nan),
-        "centre",
-        "solid",
-    )
-    second = (
-        "second",
-        "lane_marking",
-        lambda x: np.where((x >= 60) & (x <= 75), 0.1, np.nan),
-        "centre",
-        "solid",
-    )
-    aside = (
-        "aside",
-        "lane_marking",
-        lambda x: np.where((x >= 60) & (x <= 75), 0.6, np.nan),
-        "centre",
-        "solid",
-    )
+
+    def paint(name, from_m, to_m, y):
+        along = lambda x: np.where((x >= from_m) & (x <= to_m), y, np.nan)  # noqa: E731
+        return name, "lane_marking", along, "centre", "solid"
+
+    first, second = paint("first", 20, 35, 0.0), paint("second", 60, 75, 0.1)
+    aside = paint("aside", 60, 75, 0.6)
     assert len(find_lanes(road(EDGE, first))) == 0
     assert len(find_lanes(road(EDGE, first, aside))) == 0
     lanes = find_lanes(road(EDGE, first, second))
