@@ -11,10 +11,10 @@ from tests.scenes.drawing_scenes import same, whole
 
 from linework.files.line_file.file import LineFile
 from linework.files.line_file.tables import connect_database
-from linework.files.vectors.gpkg import read_own_gpkg
+from linework.files.vectors.gpkg import read_own_gpkg, read_poles
 from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
-from linework.model.lines import LineSet
+from linework.model.lines import POLE, LineSet
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import simulate_survey
 
@@ -52,6 +52,11 @@ def again(linework, survey, made, out):
         return linework("extract", survey, *arguments, *features, *more)
 
     return run
+
+
+def edited(lines):
+    """Return the lines that a line file holds: all but poles."""
+    return lines.take(lines.kind != POLE)
 
 
 def worked_on(path, *, deletes=True):
@@ -102,8 +107,10 @@ def test_what_people_said_stays_and_is_not_found_again(again, out):
         assert (drawing.revision, drawing.can_undo) == (5, True)
         for _ in range(5):
             drawing.undo(who="")
-        assert same(drawing.lines, first)
-    assert len(held) == len(first)
+        assert same(drawing.lines, edited(first))
+    assert len(held) == len(edited(first))
+    # Poles are points that nobody edits here: they are those of the last extraction
+    assert same(read_poles(path), first.take(first.kind == POLE))
 
 
 def test_an_extraction_that_finds_other_lines_is_an_edit_that_can_be_undone(again, out):
@@ -182,8 +189,10 @@ def test_convert_and_evaluate_leave_rejected_lines_out(linework, out):
     said, _, held = worked_on(path)
     assert linework("convert", path, out / "lines.geojson").code == 0
     converted = read_lines(out / "lines.geojson")
-    assert len(converted) == len(held) - 1
-    assert sorted(set(converted.review.tolist())) == ["accepted", "drawn", "edited"]
+    n_poles = np.count_nonzero(converted.kind == POLE)
+    assert n_poles == len(read_poles(path)) > 0
+    assert len(converted) == len(held) - 1 + n_poles
+    assert sorted(set(edited(converted).review.tolist())) == ["accepted", "drawn", "edited"]
     assert "new" in converted.note
     assert linework("convert", path, out / "copy.gpkg").code == 0
     assert same(read_lines(out / "copy.gpkg"), read_lines(path))

@@ -33,6 +33,7 @@ from linework.files.vectors.fields import REJECTED_LAYER, REVIEWED, TABLES, laye
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.gpkg import VERTEX_TABLE, roll_back
 from linework.files.vectors.gpkg_guard import ForeignSchemaError, check_geopackage
+from linework.files.vectors.pole_points import is_point
 from linework.model.lines import POLE, LineSet
 
 
@@ -103,8 +104,10 @@ def _is_said(db: sqlite3.Connection, layer: str) -> bool:
 def with_history(old: Path, lines: LineSet) -> Callable[[bytes], bytes]:
     """Return a function that adds the history of the line file `old` to the bytes of one with `lines`.
 
-    Lines that are in both, to the bit, continue; all others become one edit, `EXTRACT`.
+    Lines that are in both, to the bit, continue; all others become one edit, `EXTRACT`. Poles, which are points in the
+    file and no lines that people edit, have no history.
     """
+    edited = lines.take(~is_point(lines))
 
     def finish(content: bytes) -> bytes:
         with sql_errors(old), contextlib.closing(connect_database(Path(":memory:"))) as db:
@@ -112,7 +115,7 @@ def with_history(old: Path, lines: LineSet) -> Callable[[bytes], bytes]:
             db.execute("ATTACH ? AS old", (str(old),))
             with transaction(db):
                 add_line_file_tables(db)
-                _carry(db, lines)
+                _carry(db, edited)
             db.execute("DETACH old")
             return db.serialize()
 
