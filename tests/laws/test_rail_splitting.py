@@ -96,7 +96,8 @@ def assert_the_same(lines, reference):
         assert len(own) == len(other)
         mine, theirs = lines.take([i]), reference.take([j])
         for name in VERTEX_COLUMNS:
-            np.testing.assert_allclose(getattr(mine, name), getattr(theirs, name)[turn], atol=1e-6)
+            # A line that moves by tenths of a millimetre has a sigma that differs in its fourth digit
+            np.testing.assert_allclose(getattr(mine, name), getattr(theirs, name)[turn], rtol=1e-3, atol=1e-6)
         assert mine.double == theirs.double
         assert mine.height_m == pytest.approx(theirs.height_m, abs=0.05)  # means of medians
         assert mine.confidence == pytest.approx(theirs.confidence, abs=0.1)

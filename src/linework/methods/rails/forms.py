@@ -20,11 +20,19 @@ from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
 from linework.methods.rails.profile import ProfileConfig, moving_sum
 from linework.methods.rails.rails import FittedRail, fit_rails
-from linework.methods.rails.sections import NOTHING, SectionForm, form_of_section, sections_at
+from linework.methods.rails.sections import (
+    NOTHING,
+    SectionForm,
+    form_of_bars,
+    form_of_section,
+    sections_at,
+)
 from linework.methods.rails.stretches import near_chosen
 
 #: Stations between two windows: a third of a window's length. [stations]
 _EVERY = 4
+#: Windows to either side that tell the outline of bars together: two that share no points with this one. [windows]
+_BESIDE = 6
 #: Height above a tried edge that is to be clear: that of the kernel. [m]
 _CLEAR_M = 0.10
 #: Most of a beam that its edge is found by: a crest and a half of a folded one. [m]
@@ -79,10 +87,25 @@ def forms_along(
     place = (rail.xy + bins.origin[:2])[np.arange(n), axis]
     step = _EVERY * circles.spacing_m
     at = np.flatnonzero(np.abs(place % step - 0.5 * step) < 0.5 * circles.spacing_m)
-    return at, [
+    forms = [
         form_of_section(held[i], float(above_ground_m[i])) if rail.measured[i] else NOTHING
         for i in at.tolist()
     ]
+    return at, _with_neighbours(forms)
+
+
+def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
+    """Return the sections of windows, those of bars told by the outlines of the windows beside them as well.
+
+    A few dozen points on a bar do not tell a board from a pipe; the next windows of the same rail show the same bars.
+    """
+    out = []
+    for i, own in enumerate(forms):
+        near = forms[max(i - _BESIDE, 0) : i + _BESIDE + 1]
+        same = [other for other in near if other.is_bars and len(other.bands) == len(own.bands)]
+        seen = [band.fits for other in same for band in other.bands]
+        out.append(form_of_bars(own.bands, seen) if own.is_bars else own)
+    return out
 
 
 def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStretch:

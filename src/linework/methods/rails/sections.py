@@ -10,6 +10,7 @@ Separate from `forms`, which goes along a line: this explains one section, witho
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -56,11 +57,12 @@ ON_OUTLINE_M = 0.05
 _STEP_M = 0.005
 
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
-#: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), upper lip or lower crest hidden. Thrie beam: 0.506 (MASH RTM08a).
-W_BEAM_M, THRIE_BEAM_M = (0.24, 0.40), (0.42, 0.60)
+#: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 are in view where its upper lip and what is below the lower
+#: crest, 0.194 m under the upper one, are hidden. Thrie beam: 0.506 (MASH RTM08a).
+W_BEAM_M, THRIE_BEAM_M = (0.22, 0.40), (0.42, 0.60)
 #: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm; pipes, square
 #: tubes and boards, 0.06 to 0.20. [m]
-ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.24)
+ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.22)
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
 #: Folded beams hang on their posts, this high above the grass at least. [m]
@@ -79,6 +81,28 @@ CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12
 
 
 @dataclass(frozen=True, slots=True)
+class OutlineFit:
+    """How well an outline explains a beam.
+
+    Parameters
+    ----------
+    outline
+        "flat", "box" or "pipe".
+    axis_m
+        Its middle, to the left of the line. [m]
+    explained
+        Share of the points that lie on it.
+    cost
+        Negative log likelihood of the points, with the penalty of BIC for a thickness.
+    """
+
+    outline: str
+    axis_m: float
+    explained: float
+    cost: float
+
+
+@dataclass(frozen=True, slots=True)
 class Band:
     """A beam in a cross-section.
 
@@ -94,6 +118,8 @@ class Band:
         Share of the points of the band that lie on it.
     top_share
         Share of the points of its highest 3 cm that lie off the plane of its face.
+    fits
+        What each outline that was tried explains.
     """
 
     low_m: float
@@ -102,6 +128,7 @@ class Band:
     axis_m: float
     explained: float
     top_share: float
+    fits: tuple[OutlineFit, ...] = ()
 
     @property
     def height_m(self) -> float:
@@ -134,6 +161,12 @@ class SectionForm:
     def explained(self) -> float:
         """Share of the points of its beams that lie on their outlines."""
         return min((band.explained for band in self.bands), default=0.0)
+
+    @property
+    def is_bars(self) -> bool:
+        """Whether its beams are of the height of bars: what they are is told by their outlines."""
+        other = self.form in ("cable_barrier", "tubes", "mesh", "concrete")
+        return bool(self.bands) and not other and _are_bars(self.bands)
 
 
 NOTHING = SectionForm("", "", ())
@@ -254,17 +287,22 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
         # Both sides may be the face: what is on top lies between
         has_top = np.sum(weight * on_top, axis=(1, 2)) >= TOP_SHARE * number
         distances["box"] = np.where(has_top[:, None, None], box, ON_OUTLINE_M)
-    best: dict[str, tuple[float, float, float]] = {}
+    best: list[OutlineFit] = []
     for name, distance in distances.items():
         square = np.sum(weight * np.minimum(distance, ON_OUTLINE_M) ** 2, axis=(1, 2))
         i = int(np.argmin(square))
         on = float(np.sum(weight * (distance[i] <= ON_OUTLINE_M)))
-        best[name] = float(square[i]), float(places[i]), on / number
-    noise = max(min(square for square, *_ in best.values()) / number, (0.5 * SECTION_CELL_M) ** 2)
-    chosen = min(best, key=lambda name: 0.5 * best[name][0] / noise + (name != "flat") * np.log(number))
+        best.append(OutlineFit(name, float(places[i]), on / number, float(square[i])))
+    noise = max(min(fit.cost for fit in best) / number, (0.5 * SECTION_CELL_M) ** 2)
+    penalty = float(np.log(number))
+    fits = tuple(
+        replace(fit, cost=0.5 * fit.cost / noise + (fit.outline != "flat") * penalty) for fit in best
+    )
     upper = weight[height > 0.5 * size - TOP_HEIGHT_M]
-    off = np.abs(u - best["flat"][1]) > ON_OUTLINE_M
-    return Band(low, high, chosen, *best[chosen][1:], float(upper[:, off].sum() / max(upper.sum(), 1.0)))
+    off = np.abs(u - fits[0].axis_m) > ON_OUTLINE_M
+    top_share = float(upper[:, off].sum() / max(upper.sum(), 1.0))
+    chosen = min(fits, key=lambda fit: fit.cost)
+    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, top_share, fits)
 
 
 def _edge_of_concrete(
@@ -311,7 +349,6 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
         return SectionForm("", "", bands)
     heights, n = [band.height_m for band in bands], len(bands)
     pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
-    flat = sum(band.outline == "flat" for band in bands)
     foot = above_ground_m + bands[-1].low_m
     is_low = n == 1 and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
     # A wall and a concrete barrier have a top that is seen from above
@@ -326,12 +363,38 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
         kind, form = "guardrail", "cable_barrier"
     elif n > 1 and max(heights) <= HANDRAIL_M:
         kind, form = "fence", "tubes"
-    elif BAR_M[0] <= min(heights) and max(heights) <= BAR_M[1]:
-        if n > 1 and flat > n / 2:
-            kind, form = "fence", "boards"
-        elif flat <= n / 2:
-            is_box = n == 1 and bands[0].outline == "box"
-            kind, form = "guardrail", "box_beam" if is_box else "tube"
+    elif _are_bars(bands):
+        return form_of_bars(bands, [band.fits for band in bands])
     elif is_mesh:
         kind, form = "fence", "mesh"
     return SectionForm(kind, form, bands)
+
+
+def _are_bars(bands: tuple[Band, ...]) -> bool:
+    return all(BAR_M[0] <= band.height_m <= BAR_M[1] for band in bands)
+
+
+def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]) -> SectionForm:
+    """Return which outline explains bars, all by the same one: boards, pipes or square tubes.
+
+    Parameters
+    ----------
+    bands
+        The bars of a section.
+    seen
+        How outlines explain these and others of the same rail; only outlines that all of them tried are chosen.
+    """
+    costs = [{fit.outline: fit.cost for fit in fits} for fits in seen]
+    shared = set.intersection(*(set(cost) for cost in costs))
+    outline = min(sorted(shared), key=lambda name: sum(cost[name] for cost in costs))
+    own = [next(fit for fit in band.fits if fit.outline == outline) for band in bands]
+    bars = tuple(
+        replace(band, outline=outline, axis_m=fit.axis_m, explained=fit.explained)
+        for band, fit in zip(bands, own, strict=True)
+    )
+    if min(band.explained for band in bars) < fitted.LEAST_EXPLAINED:
+        return SectionForm("", "", bars)
+    if outline == "flat":
+        # A board alone may be anything
+        return SectionForm("fence", "boards", bars) if len(bars) > 1 else SectionForm("", "", bars)
+    return SectionForm("guardrail", "box_beam" if outline == "box" and len(bars) == 1 else "tube", bars)
