@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
-from linework.kernels.paint.stripe_fit import extent
+from linework.kernels.paint.stripe_fit import dash_at, extent
 from linework.kernels.paint.stripe_search import direction
 from linework.kernels.paint.stripes import clipped
 from linework.kernels.tracking.small_systems import factor, inverse_of_three, solve, solve_two
@@ -92,6 +92,27 @@ def test_the_extent_is_the_best_stretch_of_paint() -> None:
     begin, end, parts = extent(strip, 0.5, np.array([0.0, 0.0, 0.12, 0.0, 0.0, 1.0]))
     assert begin == pytest.approx(-0.2, abs=0.011) and end == pytest.approx(0.3, abs=0.011)
     assert parts == 5
+
+
+@pytest.mark.parametrize("at", [-1.9, -1.0, -0.2, 0.2, 1.0, 1.9])
+def test_two_dashes_in_one_search_area_are_told_apart(at: float) -> None:
+    # Dashes of 1.5 m with as long a gap between, seen by scan lines 0.55 m apart, three points each
+    u = (np.arange(-1.9, 2.0, 0.55)[:, None] + np.array([-0.05, 0.0, 0.05])).ravel()
+    strip = np.column_stack([u, np.zeros_like(u), (np.abs(u) > 0.7).astype(float), np.zeros_like(u)])
+    fit = np.array([0.0, 0.0, 0.12, 0.0, 0.0, 0.8])
+    begin, end, _ = extent(strip, 2.0, fit)
+    assert begin < -1.5 and end > 1.5, "one begin and one end hold both"
+    begin, end = dash_at(strip, 2.0, fit, (begin, end), at)
+    assert (begin < -1.5 and -1.0 < end < 0.0) if at < 0.0 else (0.0 < begin < 1.0 and end > 1.5)
+
+
+def test_a_worn_place_does_not_end_a_line() -> None:
+    u = np.arange(-1.9, 2.0, 0.1)
+    strip = np.column_stack([u, np.zeros_like(u), np.ones_like(u), np.zeros_like(u)])
+    strip[np.abs(u) < 0.3, 2] = 0.0
+    fit = np.array([0.0, 0.0, 0.12, 0.0, 0.0, 1.0])
+    whole = extent(strip, 2.0, fit)[:2]
+    assert dash_at(strip, 2.0, fit, whole, -1.0) == whole
 
 
 def test_a_line_is_clipped_to_a_cell() -> None:

@@ -21,8 +21,8 @@ PHASE_DRIFT = 0.1
 def best_rhythm(
     is_paint: BoolArray, step_m: float, periods_m: tuple[float, float], least: tuple[float, float, float],
     paint: tuple[float, float], most_dash_m: float,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Return period [m], length of the gap [m] and contrast of the rhythm with the highest contrast; zeros if none.
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Return period, length of the gap [m] and shares of paint of the rhythm with the highest contrast; zeros if none.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def best_rhythm(
 
     Notes
     -----
-    The contrast is the share of paint in the dashes less that in the gaps.
+    The shares are those in the dashes and in the gaps; the contrast is their difference.
     """
     shortest_m, longest_m = periods_m
     least_dash, least_gap, least_gap_share = least
     most_gap_paint, least_contrast = paint
     n = len(is_paint)
     length = n * step_m
-    best_period = best_gap = best_contrast = 0.0
+    best_period = best_gap = best_inside = best_outside = 0.0
     period = shortest_m
     while period <= longest_m:
         n_bins = max(round(period / (2.0 * step_m)), LEAST_BINS)
@@ -81,8 +81,8 @@ def best_rhythm(
                     inside, n_inside = inside + total[b], n_inside + count[b]
                 else:
                     outside, n_outside = outside + total[b], n_outside + count[b]
-            contrast = inside / max(n_inside, 1.0) - outside / max(n_outside, 1.0)
-            if contrast >= least_contrast and contrast > best_contrast:
-                best_period, best_gap, best_contrast = period, gap, contrast
+            inside, outside = inside / max(n_inside, 1.0), outside / max(n_outside, 1.0)
+            if inside - outside >= least_contrast and inside - outside > best_inside - best_outside:
+                best_period, best_gap, best_inside, best_outside = period, gap, inside, outside
         period += PHASE_DRIFT * period * period / length
-    return best_period, best_gap, best_contrast
+    return best_period, best_gap, best_inside, best_outside

@@ -19,6 +19,7 @@ from linework.kernels.paint.stripe_fit import (
     FIT_WIDTH,
     STRIP_COLUMNS,
     bright_beside,
+    dash_at,
     edge_variance,
     extent,
     fade_gain,
@@ -164,7 +165,9 @@ def stripes_in_area(
         if used == 0 or bright_beside(near, (begin, end), fit, BESIDE_REACH * radius) > MOST_BESIDE:
             continue
         row = out[number]
-        if write_place(fit, (begin, end), axes, cell, row):
+        s0, s1 = clipped(-offset * axes[1], offset * axes[0], axes[0], axes[1], (begin, end), wide)
+        own = dash_at(near, radius, fit, (begin, end), 0.5 * (s0 + s1))
+        if write_place(fit, own, axes, cell, row):
             write_figures(near, (begin, end), high - low, radius, fit, covariance, row)
             row[STRIPE_DARK] = dark + (bright - dark) * max(fit[FIT_ROAD_LEFT], fit[FIT_ROAD_RIGHT])
             row[STRIPE_BRIGHT] = dark + (bright - dark) * fit[FIT_PAINT]
