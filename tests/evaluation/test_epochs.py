@@ -7,6 +7,7 @@ import pytest
 from linework.crs import parse_crs
 from linework.errors import CrsError
 from linework.evaluation.epochs import compare_epochs
+from linework.evaluation.shifts import Chance, filters_of, shifted_runs
 from linework.files.vectors.read_write import write_lines
 from linework.lines.along import line_stretch
 from linework.model.lines import LineSet
@@ -104,19 +105,38 @@ def test_a_moved_kerb_and_a_raised_rail_are_found(seed):
     assert all(0.008 < c.sigma_across_m < 0.03 for c in changes)
 
 
-def test_shifts_of_two_deviations_are_found_where_errors_are_related_over_10_m():
-    """Significance adds up over the independent stations of a stretch; nothing else is called a change."""
+@pytest.mark.parametrize("related_m", [10.0, 40.0])
+def test_shifts_of_two_deviations_are_found(related_m):
+    """Evidence adds up over the stations of a stretch and its ends, as far as these are independent."""
     n_found, n_false, names = 0, 0, list(TABLE)
     for seed in range(8):
         name, start = names[seed % 6], 100.0 + 90.0 * seed
         size = (-1) ** seed * 2.0 * np.hypot(SIGMA_XY, SIGMA_XY)
-        new = epoch(300 + seed, moved={name: [(start, start + 100.0, size, 0.0)]}, related_m=10.0)
-        changes = compare_epochs(epoch(200 + seed, related_m=10.0), new)[0]
+        new = epoch(300 + seed, moved={name: [(start, start + 100.0, size, 0.0)]}, related_m=related_m)
+        changes = compare_epochs(epoch(200 + seed, related_m=related_m), new)[0]
         own = [c for c in changes if c.line.id[0] == name and c.from_m < start + 100.0 and c.to_m > start]
         n_found += sum(c.length_m for c in own) >= 30.0
         n_false += len(changes) - len(own)
-    assert n_found >= 7
+    assert n_found == 8
     assert n_false <= 8
+
+
+def test_evidence_for_a_shift_is_that_of_generalised_least_squares():
+    n, filters = 23, filters_of(np.array([0.9, 0.7, 0.5, 0.2]), 500)
+    whitening = np.zeros((n, n))
+    for i in range(n):
+        for lag in range(min(i, 4) + 1):
+            whitening[i, i - lag] = filters[min(i, 4), lag]
+    precision = whitening.T @ whitening
+    values = np.random.default_rng(1).normal(size=n)
+    best = (0.0, -1, -1)
+    for a in range(n):
+        for b in range(a, n):
+            run = np.zeros(n)
+            run[a : b + 1] = 1.0
+            best = max(best, (abs(run @ precision @ values) / np.sqrt(run @ precision @ run), a, b))
+    assert shifted_runs(values, Chance(1.0, filters), best[0] - 1e-6)[:1] == [best[1:]]
+    assert shifted_runs(values, Chance(1.0, filters), best[0] + 1e-6) == []
 
 
 def with_dashes(lines, missing=()):

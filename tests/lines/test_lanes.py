@@ -273,3 +273,15 @@ def test_between_exact_lines_all_lanes_are_found_and_none_invented(kind):
     if kind not in ("junction", "roundabout", "mixed"):
         asked = LANE_STEP_M * np.count_nonzero(width >= 2.2)
         assert lanes.centre.length_m.sum() >= 0.85 * asked
+
+
+def test_a_strip_beside_the_only_line_of_a_road_is_no_part_of_its_lane():
+    """The only line is in the middle: where the kerb of one side was not found, the wall behind it bounds no lane."""
+    left, right = ("left", "road_boundary", 2.5, "", ""), ("right", "road_boundary", -2.6, "", "")
+    wall = ("wall", "road_boundary", -4.3, "", "")
+    assert len(pairs(find_lanes(road(left, CENTRE, right)))) == 2
+    (lane,) = pairs(find_lanes(road(left, CENTRE, wall)))
+    assert set(lane) == {"left", "centre"}
+    # A lane that is widened in a bend is still one
+    wide = ("wide", "road_boundary", lambda x: -2.6 - 0.8 * np.sin(np.pi * x / 100.0), "", "")
+    assert len(pairs(find_lanes(road(left, CENTRE, wide)))) == 2

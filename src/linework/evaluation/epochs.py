@@ -20,7 +20,8 @@ from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.dash_changes import dash_runs
 from linework.evaluation.shifts import (
     FALSE_PER_KM,
-    Chance,
+    chance_of,
+    filters_of,
     least_deviations,
     related_of,
     scale_of,
@@ -159,7 +160,7 @@ def compare_epochs(
     Lines of one kind are compared at every metre across, in means over 5 m, after registration. Their deviation is
     sqrt(s_old^2 + s_new^2 + s_registration^2), times what differences of lines of that kind are found to be in the two
     surveys. A line has moved over stretches whose mean chance gives, with as many comparisons and as far as neighbouring
-    differences are related, once in 4 km of road.
+    differences are related, once in 2 km of road.
     """
     check_same_crs(old, new)
     of_paint = [
@@ -302,16 +303,25 @@ def _differences(
     stations: _Stations, rows: IntArray, registration: Registration
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return differences across and up after registration, and the registration's deviations, of stations."""
+    left, place = stations.left[rows], stations.xyz[rows, :2]
+    found = np.zeros((len(rows), 4))
+    weight = np.zeros(len(rows))
+    # From cell to cell the shift goes over evenly: a jump would look like a line that has moved
+    corner = np.floor(place / _CELL_M - 0.5).astype(np.int64)
     lookup = {tuple(c): k for k, c in enumerate(registration.cells.tolist())}
-    cell = np.floor(stations.xyz[rows, :2] / _CELL_M).astype(np.int64).tolist()
-    k = np.array([lookup.get(tuple(c), -1) for c in cell], dtype=np.int64)
-    shift, turn = registration.shift_m[k], registration.turn[k]
-    place = stations.xyz[rows, :2] - (registration.cells[k] + 0.5) * _CELL_M
-    left = stations.left[rows]
-    moved = np.einsum("ij,ij->i", left, shift[:, :2]) + turn * (
-        left[:, 1] * place[:, 0] - left[:, 0] * place[:, 1]
-    )
-    return stations.across_m[rows] - moved, stations.up_m[rows] - shift[:, 2], registration.sigma_m[k]
+    for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        cell = corner + step
+        k = np.array([lookup.get(tuple(c), -1) for c in cell.tolist()], dtype=np.int64)
+        off = place - (cell + 0.5) * _CELL_M
+        share = np.where(k >= 0, np.prod(1.0 - np.abs(off) / _CELL_M, axis=1), 0.0)
+        lever = left[:, 1] * off[:, 0] - left[:, 0] * off[:, 1]
+        moved = np.einsum("ij,ij->i", left, registration.shift_m[k, :2]) + registration.turn[k] * lever
+        found += share[:, None] * np.column_stack(
+            [moved, registration.shift_m[k, 2], registration.sigma_m[k]]
+        )
+        weight += share
+    across, up, *sigma = (found / weight[:, None]).T
+    return stations.across_m[rows] - across, stations.up_m[rows] - up, np.stack(sigma, axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,13 +367,14 @@ def _moved_pieces(old: LineSet, stations: _Stations, registration: Registration)
     is_moved = np.zeros(len(pieces), dtype=bool)
     rows_of = np.split(np.arange(len(pieces)), np.flatnonzero(np.diff(pieces[:, 0])) + 1)
     for axis in (0, 1):
-        scale = {
-            kind: scale_of([size[rows, axis] for rows in rows_of if kinds[rows[0]] == kind])
+        own = {
+            kind: [size[rows, axis] for rows in rows_of if kinds[rows[0]] == kind]
             for kind in sorted(set(kinds.tolist()))
         }
-        related = related_of([size[rows, axis] / scale[str(kinds[rows[0]])] for rows in rows_of])
-        chances = {kind: Chance(value, related) for kind, value in scale.items()}
-        least = least_deviations(len(pieces), related, 0.5 * FALSE_PER_KM * road_km)
+        related = related_of([one / scale_of(listed) for listed in own.values() for one in listed])
+        filters = filters_of(related, len(pieces))
+        chances = {kind: chance_of(listed, filters) for kind, listed in own.items()}
+        least = least_deviations(len(pieces), filters, 0.5 * FALSE_PER_KM * road_km)
         for rows in rows_of:
             for a, b in shifted_runs(size[rows, axis], chances[str(kinds[rows[0]])], least):
                 is_moved[rows[a : b + 1]] = True

@@ -26,6 +26,9 @@ _DOUBLE_M = 1.0
 #: Paint beside other paint: farther apart than a double line of two 0.15 m stripes with a gap of 0.2 m, and nearer than
 #: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. [m]
 _NEITHER_M = (0.5, 1.2)
+#: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
+#: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
+_STRIP_M = 1.5
 #: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
 #: rows of vehicles, as where the line between two lanes is worn away. [m]
 SINGLE_LANE_M = (2.2, 4.4)
@@ -66,11 +69,13 @@ class BoundEvidence:
         self._beside_edge: set[int] = set()
         self._continued_by: dict[int, set[int]] = defaultdict(set)
         self._inside: dict[tuple[int, int], set[int]] = defaultdict(set)
+        self._with_strip: set[tuple[int, int]] = set()
 
     def add(self, rows: Sequence[Sequence[Bound]]) -> None:
         """Take in what crosses the perpendiculars of a road."""
         beside: Counter[int] = Counter()
         self._add_paint_that_continues(rows)
+        self._add_sides(rows)
         for here in rows:
             for i, j in combinations(range(len(here)), 2):
                 a, b = here[i], here[j]
@@ -118,6 +123,23 @@ class BoundEvidence:
                     self._continued_by[a].add(b)
                     self._continued_by[b].add(a)
 
+    def _add_sides(self, rows: Sequence[Sequence[Bound]]) -> None:
+        """Take in which spaces between paint and the end of the carriageway are a strip wider than those opposite."""
+        widths: dict[tuple[int, bool], dict[tuple[int, int], list[float]]] = defaultdict(
+            lambda: defaultdict(list)
+        )
+        for here in rows:
+            for right, left in pairwise(here):
+                if bool(self._is_paint[right.line]) != bool(self._is_paint[left.line]):
+                    is_left = bool(self._is_paint[right.line])
+                    paint = right.line if is_left else left.line
+                    widths[paint, is_left][right.line, left.line].append(left.offset_m - right.offset_m)
+        for (paint, is_left), pairs in widths.items():
+            opposite = [width for listed in widths.get((paint, not is_left), {}).values() for width in listed]
+            if opposite:
+                most_m = float(np.median(opposite)) + _STRIP_M
+                self._with_strip |= {pair for pair, listed in pairs.items() if np.median(listed) > most_m}
+
     def _is_short(self, line: int) -> bool:
         """Return whether a line, with the paint that continues it, is too short to bound a lane."""
         others = sum(float(self._length_m[other]) for other in self._continued_by[line])
@@ -148,8 +170,9 @@ class BoundEvidence:
         # Where an edge line may be missing, a short edge of the pavement says as little as short paint
         if self._may_lack_edge_line(pair) and any(self._is_short(line) for line in pair):
             return True
-        is_alone = self._may_be_alone[paint[0]] and paint[0] not in self._accompanied
-        return not (self._is_inner[paint[0]] or is_alone)
+        if paint[0] not in self._accompanied:
+            return pair in self._with_strip or not (self._may_be_alone[paint[0]] or self._is_inner[paint[0]])
+        return not self._is_inner[paint[0]]
 
 
 def _sizes(lines: LineSet) -> list[tuple[float, float, list[list[float]]]]:

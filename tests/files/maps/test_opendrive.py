@@ -193,6 +193,41 @@ def test_pieces_are_as_long_as_their_parameter(radius_m):
     np.testing.assert_allclose(t, 0.0, atol=1e-6)
 
 
+def test_the_crossfall_of_the_lines_is_the_superelevation(tmp_path):
+    """One slope over the whole road, which turns from 2.5 % down to the right to 4 % down to the left over 60 m."""
+    x = np.arange(0.0, 121.0)
+    slope = np.interp(x, [30.0, 90.0], [0.025, -0.04])
+    table = {"left": (3.5, "lane_marking"), "middle": (0.0, "lane_marking"), "right": (-3.5, "lane_marking"),
+             "kerb": (-5.9, "road_boundary"), "rail": (-8.0, "guardrail")}  # fmt: skip
+    shapes = [
+        np.column_stack([x + 400_000, np.full(121, y) + 5_600_000, 9.0 + slope * y])
+        for y, _ in table.values()
+    ]
+    lines = LineSet.from_lines(shapes, kind=[k for _, k in table.values()], id=list(table), crs=UTM,
+                               pattern=["solid", "dashed", "solid", "", ""])  # fmt: skip
+    path = tmp_path / "banked.xodr"
+    write_lines(lines, path)
+    (road,) = ElementTree.parse(path).getroot().findall("road")
+    records = road.findall("lateralProfile/superelevation")
+    at, bank = (np.array([float(r.get(k)) for r in records]) for k in ("s", "a"))
+    sign = 1.0 if float(road.find("planView/geometry").get("hdg")) < 1.0 else -1.0
+    along = at if sign > 0 else 120.0 - at
+    away = np.min(np.abs(along[:, None] - [30.0, 90.0]), axis=1)
+    np.testing.assert_allclose(
+        sign * np.tan(bank)[away > 10], np.interp(along, x, slope)[away > 10], atol=3e-4
+    )
+    # What is left is the twist within 10 m
+    shapes = road.findall("lateralProfile/shape")
+    assert max(abs(float(s.get("a"))) for s in shapes) < 0.025
+    back = read_lines(path)
+    for line in back:
+        y = table[str(line.id)][0]
+        np.testing.assert_allclose(line.xyz[:, 1], 5_600_000 + y, atol=1e-3)
+        expected = 9.0 + np.interp(line.xyz[:, 0] - 400_000, x, slope) * y
+        np.testing.assert_allclose(line.xyz[:, 2], expected, atol=1e-3)
+    assert len(back) == 5
+
+
 FOREIGN = """<OpenDRIVE><header revMajor="1" revMinor="6"><geoReference><![CDATA[{crs}]]></geoReference>
 <offset x="100" y="200" z="5" hdg="0"/></header>
 <road name="" length="{length}" id="7" junction="-1"><planView>

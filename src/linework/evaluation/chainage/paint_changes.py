@@ -17,6 +17,7 @@ from linework.evaluation.chainage.paint_along import paint_left
 from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.shifts import (
     FALSE_PER_KM,
+    UNRELATED,
     Chance,
     least_deviations,
     shifted_runs,
@@ -96,13 +97,13 @@ def paint_changes(
     road_km = _STRETCH_M / 1000.0 * max(
         sum(len(one[1]) for one in judged if one[0] == number) for number, *_ in judged
     )  # fmt: skip
-    chance = Chance(1.0, np.zeros(0))
-    least = least_deviations(n_stretches, chance.related, FALSE_PER_KM * road_km)
+    chance = Chance(1.0, UNRELATED)
+    least = least_deviations(n_stretches, chance.filters, FALSE_PER_KM * road_km)
     found = []
     for number, at, was, now, noise in judged:
         for a, b in shifted_runs((now - was) / noise, chance, least):
             run = slice(a, b + 1)
-            by_chance = chance.deviation(b - a + 1) * float(np.sqrt(np.mean(noise[run] ** 2)))
+            by_chance = float(np.sqrt(np.mean(noise[run] ** 2) / (b - a + 1)))
             deviation = float(np.hypot(by_chance, _COMMON_SIGMA))
             values = float(was[run].mean()), float(now[run].mean())
             if abs(values[1] - values[0]) > least * deviation:
