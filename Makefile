@@ -22,10 +22,10 @@ $(VENV)/.compiled: $(VENV)/.installed $(shell find src/linework/kernels -name '*
 	touch $@
 
 test: check $(VENV)/.compiled  ## every test, in minutes
-	$(BIN)/python -m pytest -n 2 --dist loadscope
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 truth: check $(VENV)/.compiled  ## the long campaigns too: all seeds, all examples
-	LINEWORK_TESTS=truth $(BIN)/python -m pytest -n 2 --dist loadscope
+	LINEWORK_TESTS=truth $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 campaign: $(VENV)/.compiled  ## damaged files, full disks, kills, failing calls: hours; goes on where it was stopped
 	$(BIN)/python -m tests.campaign
