@@ -264,8 +264,9 @@ def _matched(
         "winSize": (size, size), "maxLevel": _LEVELS, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
         "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
     }  # fmt: skip
-    start = corners.astype(np.float32)[:, None]
-    there_px, is_found, _ = cv2.calcOpticalFlowPyrLK(here, there, start, expected.astype(np.float32)[:, None], **options)
+    start = np.ascontiguousarray(corners, dtype=np.float32)[:, None].copy()
+    guess = np.ascontiguousarray(expected, dtype=np.float32)[:, None].copy()
+    there_px, is_found, _ = cv2.calcOpticalFlowPyrLK(here, there, start, guess, **options)
     back_px, is_back, _ = cv2.calcOpticalFlowPyrLK(there, here, there_px, start.copy(), **options)
     away = np.abs(back_px - start).max(axis=(1, 2))
     height, width = there.shape
