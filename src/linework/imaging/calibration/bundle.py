@@ -6,6 +6,7 @@ then its poses, which are those of the trajectory with errors whose size is esti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -59,7 +60,7 @@ class _Fit:
     window: CornerWindow
     tracks: CornerTracks
     anchor_xyz: FloatArray
-    anchor_R: FloatArray
+    anchor_axes: FloatArray
     landmarks: FloatArray
     moves: FloatArray
 
@@ -89,7 +90,7 @@ def _started(window: CornerWindow, rig: StereoRig) -> _Fit:
     poses = window.poses_at(0.0)
     order = np.lexsort((tracks.side, tracks.frame, tracks.corner))
     tracks = tracks.take(order)
-    names, first, number, count = np.unique(
+    _, first, number, count = np.unique(
         tracks.corner, return_index=True, return_inverse=True, return_counts=True
     )
     # The first two pixels of a corner are left and right in one pair
@@ -97,15 +98,13 @@ def _started(window: CornerWindow, rig: StereoRig) -> _Fit:
     is_good = (count >= _LEAST_SEEN) & np.isfinite(inverse) & np.isfinite(ray).all(axis=1)
     kept = is_good[number]
     renumbered = np.cumsum(is_good) - 1
-    tracks = CornerTracks(
-        tracks.frame[kept], tracks.side[kept], renumbered[number[kept]], tracks.pixel[kept]
-    )
+    tracks = CornerTracks(tracks.frame[kept], tracks.side[kept], renumbered[number[kept]], tracks.pixel[kept])
     at = window.tracks.take(order).frame[first[is_good]]
     R = poses.R_world_vehicle[at]
     return _Fit(
         window, tracks,
         anchor_xyz=poses.xyz[at] + R @ rig.left.position_m,
-        anchor_R=R @ rig.left.R_vehicle_camera,
+        anchor_axes=R @ rig.left.R_vehicle_camera,
         landmarks=np.column_stack([ray[is_good, :2], inverse[is_good]]),
         moves=np.zeros((len(poses), _MOVES)),
     )  # fmt: skip
@@ -121,13 +120,17 @@ def _in_vehicle(fit: _Fit, poses: Poses) -> tuple[FloatArray, FloatArray]:
     turn = turned(fit.moves[:, 3:] * _TURNS)
     R = poses.R_world_vehicle @ turn
     xyz = poses.xyz + (poses.R_world_vehicle @ fit.moves[:, :3, None])[..., 0]
-    world = (fit.anchor_R @ np.column_stack([landmarks[:, :2], np.ones(len(landmarks))])[..., None])[..., 0]
-    away = world[tracks.corner] - landmarks[tracks.corner, 2:] * (xyz[tracks.frame] - fit.anchor_xyz[tracks.corner])
+    world = (fit.anchor_axes @ np.column_stack([landmarks[:, :2], np.ones(len(landmarks))])[..., None])[
+        ..., 0
+    ]
+    away = world[tracks.corner] - landmarks[tracks.corner, 2:] * (
+        xyz[tracks.frame] - fit.anchor_xyz[tracks.corner]
+    )
     return (away[:, None] @ R[tracks.frame])[:, 0], turn
 
 
 def _seen(fit: _Fit, rig: StereoRig, from_vehicle: FloatArray) -> FloatArray:
-    """Return (n, 2) where directions in the vehicle are seen by the cameras of a rig. [pixels]"""
+    """Return (n, 2) the pixels [px] at which the cameras of a rig see directions in the vehicle."""
     pixels = np.empty((len(from_vehicle), 2))
     inverse = fit.landmarks[fit.tracks.corner, 2:]
     for side, camera in enumerate((rig.left, rig.right)):
@@ -157,7 +160,7 @@ class Bundle:
         self.reduced: list[ReducedWindow] = []
 
     def residuals(self, fit: _Fit, x: FloatArray) -> FloatArray:
-        """Return (n, 2) seen less measured. [pixels]"""
+        """Return (n, 2) pixels [px] expected less measured."""
         rig, offset = adjusted_rig(self.rig, x)
         return _seen(fit, rig, _in_vehicle(fit, fit.window.poses_at(offset))[0]) - fit.tracks.pixel
 
@@ -177,8 +180,8 @@ class Bundle:
             if estimate:
                 self.sigma_px = _scale_of([r for r, *_ in linear], self.fits)
             solved = [_eliminated(self, fit, *parts) for fit, parts in zip(self.fits, linear, strict=True)]
-            normal = sum(s.normal for s in solved)[np.ix_(free, free)] + weight
-            right = sum(s.right for s in solved)[free] - weight @ self.x[free]
+            normal = np.sum([s.normal for s in solved], axis=0)[np.ix_(free, free)] + weight
+            right = np.sum([s.right for s in solved], axis=0)[free] - weight @ self.x[free]
             step = np.zeros(len(self.x))
             step[free] = np.linalg.solve(normal, right)
             self.x = self.x + step
@@ -231,7 +234,8 @@ def _linearised(bundle: Bundle, fit: _Fit) -> tuple[FloatArray, FloatArray, Floa
             ends.append(_seen(fit, moved, at))
         by_parameter[..., k] = (ends[0] - ends[1]) / (2.0 * step[k])
     by_direction = np.stack(
-        [(_seen(fit, rig, towards + _DIRECTION_STEP * e) - here) / _DIRECTION_STEP for e in np.eye(3)], axis=-1
+        [(_seen(fit, rig, towards + _DIRECTION_STEP * e) - here) / _DIRECTION_STEP for e in np.eye(3)],
+        axis=-1,
     )
     inverse = fit.landmarks[tracks.corner, 2]
     moving = np.empty((len(here), 3, _MOVES))
@@ -241,7 +245,7 @@ def _linearised(bundle: Bundle, fit: _Fit) -> tuple[FloatArray, FloatArray, Floa
     # Directions change by landmarks as the anchors' axes lie; the way from the anchor also shifts the cameras
     R = poses.R_world_vehicle @ turn
     xyz = poses.xyz + (poses.R_world_vehicle @ fit.moves[:, :3, None])[..., 0]
-    axes = R.transpose(0, 2, 1)[tracks.frame] @ fit.anchor_R[tracks.corner]
+    axes = R.transpose(0, 2, 1)[tracks.frame] @ fit.anchor_axes[tracks.corner]
     way = (xyz[tracks.frame] - fit.anchor_xyz[tracks.corner])[:, None] @ R[tracks.frame]
     place = np.stack([rig.left.position_m, rig.right.position_m])[tracks.side]
     placing = np.concatenate([axes[..., :2], -(way[:, 0] + place)[..., None]], axis=-1)
@@ -253,11 +257,16 @@ def _scale_of(residuals: Sequence[FloatArray], fits: Sequence[_Fit]) -> float:
     size = np.concatenate([np.abs(r).ravel() for r in residuals])
     n_unknown = sum(fit.landmarks.size for fit in fits)
     share = max(1.0 - n_unknown / len(size), 0.1)
-    return max(1.4826 * float(np.median(size)) / np.sqrt(share), 1e-4)
+    return max(1.4826 * float(np.median(size)) / math.sqrt(share), 1e-4)
 
 
 def _eliminated(
-    bundle: Bundle, fit: _Fit, residual: FloatArray, by_parameter: FloatArray, by_move: FloatArray, by_landmark: FloatArray
+    bundle: Bundle,
+    fit: _Fit,
+    residual: FloatArray,
+    by_parameter: FloatArray,
+    by_move: FloatArray,
+    by_landmark: FloatArray,
 ) -> _Solved:
     """Return the window's normal equations of the parameters alone."""
     tracks, n_frames, n_corners = fit.tracks, len(fit.moves), len(fit.landmarks)
@@ -281,7 +290,9 @@ def _eliminated(
     solved = inverse @ HLA
     flat = A.reshape(2 * n, -1)
     flat_weight = np.repeat(weight, 2)
-    S = flat.T @ (flat * flat_weight[:, None]) - HLA.reshape(3 * n_corners, -1).T @ solved.reshape(3 * n_corners, -1)
+    S = flat.T @ (flat * flat_weight[:, None]) - HLA.reshape(3 * n_corners, -1).T @ solved.reshape(
+        3 * n_corners, -1
+    )
     b = -(flat.T @ (flat_weight * residual.ravel())) + solved.reshape(3 * n_corners, -1).T @ gL.ravel()
     prior = np.tile(1.0 / bundle.sigma_moves**2, n_frames)
     S[np.arange(p, len(S)), np.arange(p, len(S))] += prior
@@ -311,8 +322,10 @@ def _summed(values: FloatArray, index: IntArray, n: int) -> FloatArray:
     return total
 
 
-def misfit_px(rig: StereoRig, windows: Sequence[CornerWindow], x: FloatArray, *, n_steps: int = 4) -> FloatArray:
-    """Return the residuals (n,) of corners where poses are those of the trajectory and landmarks fit best. [pixels]
+def misfit_px(
+    rig: StereoRig, windows: Sequence[CornerWindow], x: FloatArray, *, n_steps: int = 4
+) -> FloatArray:
+    """Return the residuals (n,) [px] of corners where poses are those of the trajectory and landmarks fit best.
 
     Parameters
     ----------

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.errors import extra_needed
-from linework.imaging.rectify import Rectifier, directions, original_pixels, rectified_pixels
+from linework.imaging.rectify import Rectifier, directions, distorted, original_pixels, rectified_pixels
 from linework.model.camera import StereoRig
 from linework.model.columns import Columns, column
 from linework.model.images import Poses
@@ -130,11 +131,18 @@ def _even(image: AnyArray) -> AnyArray:
     mean = cv2.GaussianBlur(grey, (0, 0), _EVEN_PX)
     spread = cv2.GaussianBlur((grey - mean) ** 2, (0, 0), _EVEN_PX)
     # Half a grey value is the noise of rounding and more: what has less contrast is not made to look like texture
-    return np.asarray(np.clip(127.5 + 40.0 * (grey - mean) / np.sqrt(spread + 0.25), 0.0, 255.0), dtype=np.uint8)
+    return np.asarray(
+        np.clip(127.5 + 40.0 * (grey - mean) / np.sqrt(spread + 0.25), 0.0, 255.0), dtype=np.uint8
+    )
 
 
 def _new_corners(
-    left: AnyArray, right: AnyArray, shape: tuple[int, ...], rectifier: Rectifier, rig: StereoRig, known: FloatArray
+    left: AnyArray,
+    right: AnyArray,
+    shape: tuple[int, ...],
+    rectifier: Rectifier,
+    rig: StereoRig,
+    known: FloatArray,
 ) -> _Followed:
     """Return corners of the left image that are found in the right one, away from those that are known."""
     import cv2
@@ -145,14 +153,20 @@ def _new_corners(
     for col, row in known.round().astype(int).tolist():
         cv2.circle(free, (col, row), _APART_PX, 0, -1)
     found: list[FloatArray] = []
-    cols, rows = (np.linspace(0, size, n + 1).astype(int) for size, n in zip((width, height), _CELLS, strict=True))
+    cols, rows = (
+        np.linspace(0, size, n + 1).astype(int) for size, n in zip((width, height), _CELLS, strict=True)
+    )
     for top, bottom in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
         for first, last in zip(cols[:-1].tolist(), cols[1:].tolist(), strict=True):
             here = cv2.goodFeaturesToTrack(
-                left[top:bottom, first:last], _PER_CELL, _QUALITY, _APART_PX, mask=free[top:bottom, first:last]
+                left[top:bottom, first:last],
+                _PER_CELL,
+                _QUALITY,
+                _APART_PX,
+                mask=free[top:bottom, first:last],
             )
             if here is not None:
-                found.append(here[:, 0].astype(np.float64) + [first, top])
+                found.append(here[:, 0].astype(np.float64) + np.array([first, top]))
     corners = np.concatenate(found) if found else np.zeros((0, 2))
     flat_left, flat_right = rectifier.rectified(left, right)
     expected = _along_rows(corners, flat_left, flat_right, rectifier, rig)
@@ -211,7 +225,7 @@ def _carried(
     for camera in (left, right):
         seen = (direction + inverse[:, None] * (origin - camera.position_m)) @ camera.R_vehicle_camera
         ahead = np.where(seen[:, 2] > 0.05, seen[:, 2], np.nan)
-        expected.append(_pixels(camera, seen[:, :2] / ahead[:, None]))
+        expected.append(distorted(camera, seen[:, :2] / ahead[:, None]))
         growth = np.where(np.isfinite(ahead), np.maximum(growth, 1.0 / ahead), np.inf)
     height, width = now[0].shape
     is_inside = growth < _MOST_GROWTH
@@ -223,12 +237,6 @@ def _carried(
     place_right, is_right = _matched(now[0], now[1], place_left, expected[1] + shift)
     kept = is_left & is_right
     return _Followed(known.number[kept], place_left[kept], place_right[kept])
-
-
-def _pixels(camera: object, ideal: FloatArray) -> FloatArray:
-    from linework.imaging.rectify import distorted
-
-    return distorted(camera, ideal)  # type: ignore[arg-type]
 
 
 def inverse_distances(rig: StereoRig, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -260,14 +268,15 @@ def _matched(
     if not len(corners):
         return corners, np.zeros(0, dtype=bool)
     size = 2 * _HALF_PX + 1
-    options = {
-        "winSize": (size, size), "maxLevel": _LEVELS, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
-        "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
-    }  # fmt: skip
+    until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005)
+    follow = partial(
+        cv2.calcOpticalFlowPyrLK, winSize=(size, size), maxLevel=_LEVELS, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        criteria=until,
+    )  # fmt: skip
     start = np.ascontiguousarray(corners, dtype=np.float32)[:, None].copy()
     guess = np.ascontiguousarray(expected, dtype=np.float32)[:, None].copy()
-    there_px, is_found, _ = cv2.calcOpticalFlowPyrLK(here, there, start, guess, **options)
-    back_px, is_back, _ = cv2.calcOpticalFlowPyrLK(there, here, there_px, start.copy(), **options)
+    there_px, is_found, _ = follow(here, there, start, guess)
+    back_px, is_back, _ = follow(there, here, there_px, start.copy())
     away = np.abs(back_px - start).max(axis=(1, 2))
     height, width = there.shape
     place = there_px[:, 0].astype(np.float64)

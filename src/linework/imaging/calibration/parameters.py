@@ -39,18 +39,18 @@ class CalibrationParameter:
 _DEG = float(np.radians(1.0))
 _ANY = "corners at many distances"
 _TURNS = "turns, and corners far and near"
-#: Corrections that are looked for. Priors are what goes wrong in practice, with ample room: a mount that was knocked
+#: Corrections that are looked for, what happens more often first. Priors are what goes wrong in practice, with ample room: a mount that was knocked
 #: (degrees between rig and van, tenths of it between both cameras on one bar, millimetres along the bar), a lens that
 #: was touched or has warmed up (per cents of its focal length, ten pixels of its principal point), a clock that lags
 #: behind by an exposure, a transfer and a buffer of images (a tenth of a second).
 PARAMETERS: tuple[CalibrationParameter, ...] = (
-    CalibrationParameter("time_offset", "s", 0.1, 1.0, "changes of speed, or of the rate of turn"),
     CalibrationParameter("boresight_roll", "deg", 2.0, _DEG, _TURNS),
     CalibrationParameter("boresight_pitch", "deg", 2.0, _DEG, "movement, and corners near the van"),
     CalibrationParameter("boresight_yaw", "deg", 2.0, _DEG, "movement, and corners near the van"),
     CalibrationParameter("relative_roll", "deg", 0.5, _DEG, "corners at both sides of the images"),
     CalibrationParameter("relative_pitch", "deg", 0.5, _DEG, _ANY),
     CalibrationParameter("relative_yaw", "deg", 0.5, _DEG, _ANY),
+    CalibrationParameter("time_offset", "s", 0.1, 1.0, "changes of speed, or of the rate of turn"),
     CalibrationParameter("focal_length", "ratio", 0.02, 1.0, "movement, or turns"),
     CalibrationParameter("base_up", "mm", 10.0, 1e-3, "corners near the van"),
     CalibrationParameter("base_ahead", "mm", 10.0, 1e-3, "corners near the van at both sides of the images"),
@@ -115,8 +115,8 @@ def adjusted_rig(rig: StereoRig, correction: FloatArray | Mapping[str, float]) -
     whole = axes @ boresight @ axes.T
     base = axes.T @ (right.position_m - left.position_m)
     base = base * (1.0 + value["base_length"] / np.linalg.norm(base))
-    base = base + [0.0, -value["base_up"], value["base_ahead"]]
-    place = left.position_m + [value["position_forward"], value["position_left"], value["position_up"]]
+    base = base + np.array([0.0, -value["base_up"], value["base_ahead"]])
+    place = left.position_m + np.array([value[f"position_{way}"] for way in ("forward", "left", "up")])
     return StereoRig(
         _with_lens(
             replace(left, position_m=place, R_vehicle_camera=whole @ axes), value, "left", 1.0

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.imaging.calibration.bundle import Bundle, CornerWindow, ReducedWindow, misfit_px
 from linework.imaging.calibration.parameters import (
-    ALL_PARAMETERS,
     NAMES,
     PARAMETERS,
     CalibrationParameter,
@@ -23,8 +22,6 @@ from linework.model.camera import StereoRig
 _MISTAKEN = 0.02
 #: A parameter is determined where its sigma is less than this part of what was known before.
 _DETERMINED = 0.33
-#: Of corrections that explain the residuals alike, to this share of the gain, the one that comes first is taken.
-_ALIKE = 0.97
 #: Steps of the first fit of all parameters, from errors of degrees and per cents; of each later one; and rounds of both.
 _FIRST_STEPS, _NEXT_STEPS, _ROUNDS = 10, 4, 4
 #: Fewest windows that say how far windows disagree, and fewest corners in them.
@@ -113,8 +110,8 @@ def calibrated_by_corners(
     Notes
     -----
     All parameters are fitted at first, with the sizes of residuals and of errors of poses. Then corrections are added
-    one by one to the given calibration: the one that improves windows that it was not fitted to most, as long as it
-    is different from 0 by a test at 2 % for all together. Sigmas are the larger of those of the normal equations and
+    one by one to the given calibration: the one that most improves windows that it was not fitted to (of those that do so
+    alike, the first of `PARAMETERS`), as long as it is different from 0 by a test at 2 % for all together. Sigmas are the larger of those of the normal equations and
     those by which windows differ, and have what is taken as given added (`CONSIDERED`).
 
     References
@@ -159,7 +156,7 @@ def calibrated_by_corners(
 class _Estimate:
     """Parameters estimated together: their indices, values, sigmas, and the misfit of each window left out."""
 
-    index: FloatArray
+    index: IntArray
     x: FloatArray
     sigma: FloatArray
     left_out: FloatArray
@@ -170,7 +167,7 @@ class _Estimate:
 
 
 def _estimated(windows: Sequence[ReducedWindow], chosen: BoolArray) -> _Estimate:
-    a, c = np.flatnonzero(chosen), np.arange(_P, len(NAMES))
+    a, c = np.flatnonzero(chosen).astype(np.int64), np.arange(_P, len(NAMES))
     n = len(windows)
     if not len(a):
         return _Estimate(a, np.zeros(0), np.zeros(0), np.zeros(n))
@@ -209,20 +206,35 @@ def _chosen(windows: Sequence[ReducedWindow]) -> BoolArray:
     chosen = np.zeros(_P, dtype=bool)
     for _ in range(_P):
         now = _estimated(windows, chosen).left_out.sum()
-        gains = np.zeros(_P)
+        tried: dict[int, FloatArray] = {}
         for k in np.flatnonzero(~chosen).tolist():
             found = _estimated(windows, _with(chosen, k))
             x, sigma = found.of(k)
-            if abs(x) > least * sigma:
-                gains[k] = now - found.left_out.sum()
-        if gains.max() <= 0.0:
+            if abs(x) > least * sigma and found.left_out.sum() < now:
+                tried[k] = found.left_out
+        if not tried:
             break
-        chosen = _with(chosen, int(np.argmax(gains >= _ALIKE * gains.max())))
+        chosen = _with(chosen, _first_of_the_best(tried))
         # Corrections that stood in for the new one are not needed any more
         found = _estimated(windows, chosen)
         still = np.abs(found.x) > least * found.sigma
         chosen[found.index[~still]] = False
     return chosen
+
+
+def _first_of_the_best(left_out: Mapping[int, FloatArray]) -> int:
+    """Return the first parameter whose misfit over windows left out is the least, or within its standard error of that.
+
+    References
+    ----------
+    L. Breiman et al., "Classification and Regression Trees", 1984: the rule of one standard error.
+    """
+    best = min(left_out.values(), key=lambda misfit: float(misfit.sum()))
+    for k, misfit in left_out.items():
+        worse = misfit - best
+        if worse.sum() <= np.sqrt(len(worse)) * worse.std(ddof=1):
+            return k
+    raise AssertionError("the best is as good as itself")
 
 
 def _findings(windows: Sequence[ReducedWindow], chosen: BoolArray, x: FloatArray) -> tuple[Finding, ...]:
@@ -240,21 +252,10 @@ def _findings(windows: Sequence[ReducedWindow], chosen: BoolArray, x: FloatArray
         if sigma > _DETERMINED * parameter.prior:
             reason = f"not determined: needs {parameter.needs}"
         elif abs(value) <= least * sigma:
-            reason = f"the given value agrees: {abs(value) / sigma:.1f} sigma, at least {least:.1f} are needed"
+            reason = (
+                f"the given value agrees: {abs(value) / sigma:.1f} sigma, at least {least:.1f} are needed"
+            )
         else:
             reason = "windows left out do not improve"
         found.append(Finding(parameter, value, sigma, is_supported=False, reason=reason))
     return tuple(found)
-
-
-def significant(x: float, sigma: float) -> str:
-    """Return a value with as many decimals as its sigma has two digits.
-
-    >>> significant(0.50123, 0.0123), significant(1234.5, 200.0)
-    ('0.501', '1234')
-    """
-    decimals = 0 if sigma <= 0.0 or not np.isfinite(sigma) else int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
-    return f"{x:.{decimals}f}"
-
-
-assert len(ALL_PARAMETERS) == len(NAMES)
