@@ -14,7 +14,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.imaging.calibration.corners import CornerTracks, inverse_distances
-from linework.imaging.calibration.parameters import ALL_PARAMETERS, NAMES, adjusted_rig, prior_of, turned
+from linework.imaging.calibration.parameters import NAMES, adjusted_rig, prior_of, turned
 from linework.imaging.rectify import distorted
 from linework.model.camera import StereoRig
 from linework.model.images import Poses
@@ -75,13 +75,13 @@ class ReducedWindow:
         (p, p) in the units of the parameters.
     right
         (p,).
-    n_residuals
-        Number of residuals less that of unknowns eliminated.
+    effect_px
+        (p,) root mean square of the pixels by which one unit of a parameter moves corners that it moves.
     """
 
     normal: FloatArray
     right: FloatArray
-    n_residuals: int
+    effect_px: FloatArray
 
 
 def _started(window: CornerWindow, rig: StereoRig) -> _Fit:
@@ -111,7 +111,7 @@ def _started(window: CornerWindow, rig: StereoRig) -> _Fit:
 
 
 def _in_vehicle(fit: _Fit, poses: Poses) -> tuple[FloatArray, FloatArray]:
-    """Return directions (n, 3) from the vehicle's origin to what was seen, in its axes, and rotations (f, 3, 3) of its errors.
+    """Return directions (n, 3) from the vehicle's origin to corners, in its axes, and rotations (f, 3, 3) of its errors.
 
     Directions are multiplied by inverse distances: a camera at a in the vehicle sees a landmark of inverse distance w in
     direction d - w a.
@@ -176,7 +176,8 @@ class Bundle:
         """
         weight = np.diag(1.0 / prior_of()[free] ** 2)
         for _ in range(n_steps):
-            linear = [_linearised(self, fit) for fit in self.fits]
+            around = _Around.at(self.rig, self.x)
+            linear = [_linearised(fit, around) for fit in self.fits]
             if estimate:
                 self.sigma_px = _scale_of([r for r, *_ in linear], self.fits)
             solved = [_eliminated(self, fit, *parts) for fit, parts in zip(self.fits, linear, strict=True)]
@@ -197,11 +198,13 @@ class Bundle:
 
     def reduce(self) -> list[ReducedWindow]:
         """Return what each window says of all parameters, as a form around 0."""
-        found = []
+        found, around = [], _Around.at(self.rig, self.x)
         for fit in self.fits:
-            one = _eliminated(self, fit, *_linearised(self, fit))
-            n = 2 * int(one.n_used) - fit.landmarks.size - fit.moves.size
-            found.append(ReducedWindow(one.normal, one.right + one.normal @ self.x, n))
+            parts = _linearised(fit, around)
+            one = _eliminated(self, fit, *parts)
+            square = (parts[1] ** 2).sum(axis=1)
+            effect = np.sqrt(square.sum(axis=0) / np.maximum((square > 0.0).sum(axis=0), 1))
+            found.append(ReducedWindow(one.normal, one.right + one.normal @ self.x, effect))
         return found
 
 
@@ -213,26 +216,33 @@ class _Solved:
     right: FloatArray
     back: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
     variance_moves: FloatArray
-    n_used: int
 
 
-def _linearised(bundle: Bundle, fit: _Fit) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+@dataclass(frozen=True, slots=True)
+class _Around:
+    """The rig at given parameters, and a step of each; with the seconds to add to times."""
+
+    here: tuple[StereoRig, float]
+    steps: FloatArray
+    ends: tuple[tuple[StereoRig, float], ...]
+
+    @staticmethod
+    def at(rig: StereoRig, x: FloatArray) -> _Around:
+        steps = _STEP * prior_of()
+        ends = tuple(adjusted_rig(rig, x + step) for step in np.diag(steps))
+        return _Around(adjusted_rig(rig, x), steps, ends)
+
+
+def _linearised(fit: _Fit, around: _Around) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return residuals (n, 2), and derivatives by parameters (n, 2, p), moves (n, 2, 6) and landmarks (n, 2, 3)."""
-    rig, offset = adjusted_rig(bundle.rig, bundle.x)
+    rig, offset = around.here
     tracks, poses = fit.tracks, fit.window.poses_at(offset)
     towards, turn = _in_vehicle(fit, poses)
     here = _seen(fit, rig, towards)
     by_parameter = np.empty((*here.shape, len(NAMES)))
-    for k, parameter in enumerate(ALL_PARAMETERS):
-        step = np.zeros(len(NAMES))
-        step[k] = _STEP * parameter.prior
-        ends = []
-        for sign in (1.0, -1.0):
-            moved, shifted = adjusted_rig(bundle.rig, bundle.x + sign * step)
-            is_moved = parameter.name == "time_offset"
-            at = _in_vehicle(fit, fit.window.poses_at(shifted))[0] if is_moved else towards
-            ends.append(_seen(fit, moved, at))
-        by_parameter[..., k] = (ends[0] - ends[1]) / (2.0 * step[k])
+    for k, (step, (moved, later)) in enumerate(zip(around.steps.tolist(), around.ends, strict=True)):
+        at = towards if later == offset else _in_vehicle(fit, fit.window.poses_at(later))[0]
+        by_parameter[..., k] = (_seen(fit, moved, at) - here) / step
     by_direction = np.stack(
         [(_seen(fit, rig, towards + _DIRECTION_STEP * e) - here) / _DIRECTION_STEP for e in np.eye(3)],
         axis=-1,
@@ -310,7 +320,7 @@ def _eliminated(
     normal = S[:p, :p] - S[:p, p:] @ gain
     return _Solved(
         0.5 * (normal + normal.T), b[:p] - S[:p, p:] @ at_rest, back,
-        np.diag(covariance).reshape(-1, _MOVES), int((factor > 0.0).sum()),
+        np.diag(covariance).reshape(-1, _MOVES),
     )  # fmt: skip
 
 
@@ -335,8 +345,9 @@ def misfit_px(
     bundle = Bundle(rig, windows)
     bundle.x = np.asarray(x, dtype=np.float64)
     bundle.sigma_moves = np.full(_MOVES, 1e-9)
+    around = _Around.at(rig, bundle.x)
     for _ in range(n_steps):
-        linear = [_linearised(bundle, fit) for fit in bundle.fits]
+        linear = [_linearised(fit, around) for fit in bundle.fits]
         bundle.sigma_px = _scale_of([r for r, *_ in linear], bundle.fits)
         for fit, parts in zip(bundle.fits, linear, strict=True):
             fit.landmarks = fit.landmarks + _eliminated(bundle, fit, *parts).back(np.zeros(len(NAMES)))[1]

@@ -41,7 +41,7 @@ _MOST_GROWTH = 1.35
 
 @dataclass(frozen=True, slots=True)
 class CornerTracks(Columns):
-    """Where corners were seen in the images of a window of pairs, one row each.
+    """Pixels of corners in the images of a window of pairs, one row each.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def follow_corners(
     rig: StereoRig,
     poses: Poses,
 ) -> CornerTracks:
-    """Return corners that were seen in both images of a pair, followed through the pairs after it.
+    """Return corners that are visible in both images of a pair, followed through the pairs after it.
 
     Parameters
     ----------

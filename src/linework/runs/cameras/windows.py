@@ -16,6 +16,7 @@ from linework.files.images.read import read_pair
 from linework.imaging.calibration.bundle import CornerWindow
 from linework.imaging.calibration.corners import CornerTracks, follow_corners
 from linework.model.images import ImagePair, Poses
+from linework.model.trajectory import Trajectory
 from linework.navigation.poses import poses_at
 from linework.runs.opened.pairs import OpenedStereo
 from linework.runs.steps import Advance
@@ -32,6 +33,8 @@ _APART_M = (0.5, 6.0)
 _LONGEST_S = 2.0
 #: Images may be late or early by so much: their poses are within the trajectory all the same. [s]
 _MARGIN_S = 0.1
+#: Path that is kept around a window: clocks are off by less. [s]
+_AROUND_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +116,7 @@ def followed(stereo: OpenedStereo, advance: Advance) -> FollowedWindows:
         except InputError as error:
             warnings.append(str(error))
             continue
-        windows.append(CornerWindow(tracks, _Moving(stereo, stereo.poses.time_s[window])))
+        windows.append(CornerWindow(tracks, _Moving.of(stereo.trajectory, stereo.poses.time_s[window])))
         pairs += own
     advance(len(chosen), len(chosen))
     if not windows:
@@ -132,11 +135,17 @@ def _tracks_of(stereo: OpenedStereo, window: IntArray) -> CornerTracks:
 
 @dataclass(frozen=True, slots=True)
 class _Moving:
-    """Poses of the pairs of a window, if they were taken later than their times say."""
+    """Poses of the pairs of a window, if they were taken later than their times say; the path around the window."""
 
-    stereo: OpenedStereo
+    path: Trajectory
     time_s: FloatArray
 
+    @staticmethod
+    def of(path: Trajectory, time_s: FloatArray) -> _Moving:
+        first, last = np.searchsorted(path.time_s, [time_s[0] - _AROUND_S, time_s[-1] + _AROUND_S])
+        # A pose beyond each end, where poses are farther apart than that
+        return _Moving(path.take(slice(max(int(first) - 1, 0), int(last) + 1)), time_s)
+
     def __call__(self, later_s: float) -> Poses:
-        path = self.stereo.trajectory
-        return poses_at(path, np.clip(self.time_s + later_s, path.time_s[0], path.time_s[-1]))
+        known_s = self.path.time_s
+        return poses_at(self.path, np.clip(self.time_s + later_s, known_s[0], known_s[-1]))
