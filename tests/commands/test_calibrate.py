@@ -10,7 +10,7 @@ from tests.scenes.road_views import views_folder
 from tests.scenes.stereo_folders import make_stereo_folder
 
 import linework
-from linework.files.survey.calibration import cameras_text, read_calibration
+from linework.files.survey.calibration import cameras_text, read_cameras
 from linework.files.survey.open import open_survey
 
 #: The right camera as it is given looks to the right by this. [deg]
@@ -48,7 +48,7 @@ def test_a_turned_camera_is_found_and_the_file_takes_its_place(linework, views, 
     assert not by_name["time_offset"]["supported"]
     assert by_name["time_offset"]["reason"].startswith("not determined: needs changes of speed")
     assert document["residual_after_px"] < document["residual_before_px"]
-    tables = read_calibration(output)
+    tables = read_cameras(output)
     assert tables == document["cameras"]
     # The file says why, and its tables can stand in the survey.toml
     text = output.read_text()
@@ -68,7 +68,7 @@ def test_a_right_calibration_is_written_as_it_was(linework, views, tmp_path):
     done = linework("calibrate", views[0], "-o", output, "--work", tmp_path / "work", "--quiet")
     assert done.code == 0, done.stderr
     given = open_survey(views[0]).settings["cameras"]
-    assert read_calibration(output) == {side: given[side] for side in ("left", "right")}
+    assert read_cameras(output) == {side: given[side] for side in ("left", "right")}
     assert " yes " not in done.stdout
     assert "boresight_yaw" in done.stdout and "the given value agrees" in done.stdout
 

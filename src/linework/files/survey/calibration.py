@@ -88,13 +88,13 @@ def write_calibration(
         part.write_text(text, encoding="utf-8", newline="\n")
 
     def verify(part: Path) -> None:
-        if read_calibration(part) != {name: dict(table) for name, table in cameras.items()}:
+        if read_cameras(part) != {name: dict(table) for name, table in cameras.items()}:
             raise MachineError("the calibration reads back differently", where=path, advice="check the disk")
 
     publish(path, write, verify, overwrite=overwrite)
 
 
-def read_calibration(path: Path) -> dict[str, dict[str, Any]]:
+def read_cameras(path: Path) -> dict[str, dict[str, Any]]:
     """Return the tables of cameras in a file that `write_calibration` wrote, checked.
 
     Raises

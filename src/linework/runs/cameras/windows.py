@@ -46,7 +46,7 @@ class FollowedWindows:
     warnings: tuple[str, ...] = ()
 
 
-def windows_of(stereo: OpenedStereo) -> list[IntArray]:
+def corner_windows_of(stereo: OpenedStereo) -> list[IntArray]:
     """Return the windows of a survey as indices of its pairs, in time order.
 
     Raises
@@ -104,10 +104,10 @@ def followed(stereo: OpenedStereo, advance: Advance) -> FollowedWindows:
     Raises
     ------
     InputError
-        As for `windows_of`, or no image can be read.
+        As for `corner_windows_of`, or no image can be read.
     """
     windows, pairs, warnings = [], [], []
-    chosen = windows_of(stereo)
+    chosen = corner_windows_of(stereo)
     for done, window in enumerate(chosen):
         advance(done, len(chosen))
         own = [stereo.pairs[i] for i in window.tolist()]
