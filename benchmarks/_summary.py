@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from linework.evaluation.calibration import calibrate
+from linework.evaluation.calibration import confidence_calibration
 from linework.evaluation.report.tables import ReportTable, centimetres, number, percent, ratio_texts
 from linework.evaluation.tolerance import KindMatch, ratio
 from linework.evaluation.values import GroupScores, KindScores, Scores
@@ -54,7 +54,7 @@ def confidence_table(parts: Sequence[KindMatch], tolerance_m: float) -> ReportTa
     """Return per kind and class of confidence how sure pieces of 10 m were said to be, and were."""
     rows = []
     for kind in dict.fromkeys(part.kind for part in parts):
-        judged = calibrate([part.match for part in parts if part.kind == kind], tolerance_m)
+        judged = confidence_calibration([part.match for part in parts if part.kind == kind], tolerance_m)
         rows.append(
             (
                 kind, str(judged.n_pieces), percent(ratio(judged.n_correct, judged.n_pieces)), "all",

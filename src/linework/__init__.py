@@ -32,6 +32,7 @@ _PUBLIC = {
     "extract": "linework.library.extract",
     "trace": "linework.library.trace",
     "locate": "linework.library.read",
+    "calibrate": "linework.library.calibrate",
     "open_survey": "linework.files.survey.open",
     "read_points": "linework.library.read",
     "read_trajectory": "linework.library.read",
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     from linework.files.survey.open import open_survey as open_survey
     from linework.files.vectors.read_write import read_lines as read_lines
     from linework.files.vectors.read_write import write_lines as write_lines
+    from linework.library.calibrate import calibrate as calibrate
     from linework.library.compile import compile_kernels as compile_kernels
     from linework.library.extract import extract as extract
     from linework.library.read import locate as locate

@@ -29,6 +29,7 @@ PUBLIC = [
     "extract",
     "trace",
     "locate",
+    "calibrate",
     "open_survey",
     "read_points",
     "read_trajectory",

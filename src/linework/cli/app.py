@@ -19,6 +19,7 @@ from typing import Annotated, TextIO
 import typer
 
 import linework
+from linework.cli.commands.calibrate import calibrate_command
 from linework.cli.commands.classify import classify_command
 from linework.cli.commands.clean import clean
 from linework.cli.commands.compile import compile_command
@@ -55,6 +56,7 @@ for command in (
     demo,
     info,
     locate_command,
+    calibrate_command,
     extract_command,
     live,
     trace_command,

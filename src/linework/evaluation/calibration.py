@@ -60,7 +60,7 @@ def sigma_terciles(error_m: FloatArray, sigma_m: FloatArray) -> tuple[SigmaTerci
     return tuple(thirds)
 
 
-def calibrate(matches: Sequence[PieceMatch], tolerance_m: float) -> Calibration:
+def confidence_calibration(matches: Sequence[PieceMatch], tolerance_m: float) -> Calibration:
     """Return how well the confidence of extracted lines predicts correctness, per piece of about 10 m.
 
     Lines are divided into equal pieces as close to 10 m as possible; a piece is correct if more than half

@@ -17,7 +17,7 @@ from linework.evaluation.attributes import (
     group_scores,
     label_scores,
 )
-from linework.evaluation.calibration import bridged_scores, calibrate, sigma_terciles
+from linework.evaluation.calibration import bridged_scores, confidence_calibration, sigma_terciles
 from linework.evaluation.chains import COMPARED_PIECE_M, Chains
 from linework.evaluation.dashes import DASH_KIND, dash_scores
 from linework.evaluation.instances import CHAMFER_M, average_precision
@@ -241,7 +241,7 @@ def score(
         attributes={name: attribute_errors(matches, name, tolerance_m) for name in ATTRIBUTES},
         sigma_xy=sigma_terciles(measured.lateral_m, measured.sigma_xy_m),
         sigma_z=sigma_terciles(measured.height_m, measured.sigma_z_m),
-        confidence=calibrate(matches, tolerance_m),
+        confidence=confidence_calibration(matches, tolerance_m),
         bridged=bridged_scores(parts, stations, tolerance_m),
         labels={label: label_scores(matches, label, tolerance_m) for label in COMPARED_LABELS}
         if kind

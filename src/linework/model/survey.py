@@ -89,3 +89,8 @@ class Survey:
         """
         none = (0.0, 0.0, 0.0)
         return replace(self, trajectory_file=path, trajectory_lever_m=none, trajectory_boresight_deg=none)
+
+    def with_cameras(self, cameras: Mapping[str, Any]) -> Survey:
+        """Return the survey with the tables [cameras.left] and [cameras.right] of another calibration."""
+        both = {**self.settings.get("cameras", {}), **cameras}
+        return replace(self, settings={**self.settings, "cameras": both})

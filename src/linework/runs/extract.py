@@ -153,6 +153,7 @@ def extraction_request(
     location: str = "",
     adjust: bool = True,
     candidates: bool = False,
+    calibration: Mapping[str, Any] | None = None,
 ) -> ExtractionRequest:
     """Return the order to look for `kinds` by a method ("auto": what suits each kind).
 
@@ -174,6 +175,8 @@ def extraction_request(
         Make several drives over one road agree first.
     candidates
         Also write the lines that were measured and not taken, in the layer `candidate`.
+    calibration
+        How the cameras were calibrated before, for the record.
 
     Raises
     ------
@@ -218,6 +221,7 @@ def extraction_request(
             **({"lanes": lanes, "location": location} if lanes else {}),
             **({} if adjust else {"adjust": False}),
             **({"candidates": True} if candidates else {}),
+            **({"calibration": calibration} if calibration else {}),
         },
         overwrite=overwrite,
         resume=resume,

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import MachineError
@@ -15,9 +14,10 @@ from linework.files.images.read import write_grey_png
 from linework.files.las.header import read_las_header
 from linework.files.las.write import write_las
 from linework.files.output.publish import publish_folder
+from linework.files.survey.calibration import cameras_text, table_of_camera
 from linework.files.trajectories.read import write_trajectory
 from linework.files.vectors.read_write import write_lines
-from linework.model.camera import Camera, StereoRig
+from linework.model.camera import StereoRig
 from linework.model.lines import KINDS
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
 from linework.simulation.sensors.cameras import StereoDrive, images_of, observed_in_images
@@ -146,25 +146,10 @@ def write_images(drive: StereoDrive, folder: Path, advance: Callable[[int, int],
 
 def cameras_toml(rig: StereoRig) -> str:
     """Return the tables [cameras.left] and [cameras.right] of a survey.toml."""
-    return _camera_toml("left", rig.left) + _camera_toml("right", rig.right)
-
-
-def _camera_toml(side: str, camera: Camera) -> str:
-    x, y, z, w = Rotation.from_matrix(camera.R_vehicle_camera).as_quat()
-    return f"""
-[cameras.{side}]
-images = "{side}.csv"
-model = "pinhole"
-width = {camera.width}
-height = {camera.height}
-fx = {camera.fx!r}
-fy = {camera.fy!r}
-cx = {camera.cx!r}
-cy = {camera.cy!r}
-distortion = {[float(k) for k in camera.distortion]}
-position_m = {camera.position_m.tolist()}
-rotation_wxyz = {[float(value) for value in (w, x, y, z)]}
-"""
+    sides = (("left", rig.left), ("right", rig.right))
+    return cameras_text(
+        {side: {"images": f"{side}.csv", **table_of_camera(camera)} for side, camera in sides}
+    )
 
 
 # The navigation logs of a simulated survey as part of its folder

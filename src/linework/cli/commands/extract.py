@@ -86,6 +86,13 @@ def extract_command(
         bool,
         typer.Option("--no-adjust", help="Leave several drives over one road as they were recorded."),
     ] = False,
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Adjust the cameras first, as `linework calibrate` does, and say what was corrected.",
+        ),
+    ] = False,
     report: Annotated[
         Path | None,
         typer.Option("--report", metavar="FILE", help="Also write a report with figures and tables: .html."),
@@ -104,7 +111,9 @@ def extract_command(
     without --overwrite. Finding nothing is not an error: the layers are then written empty. --resume continues
     an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
     is replaced, unless --forget-reviews is given. Several drives over one road are made to agree at their lines first,
-    unless --no-adjust is given. With --scheduler the workers of a Dask cluster process the tiles: the lines are the same.
+    unless --no-adjust is given. --calibrate adjusts the cameras first by corners followed over pairs, prints what was
+    corrected, and records it in run.json. With --scheduler the workers of a Dask cluster process the tiles: the lines
+    are the same.
     """
     from linework.files.output.locks import reserve_output
     from linework.library.progress import open_display
@@ -152,6 +161,12 @@ def extract_command(
             if scheduler is None
             else cluster_executor(scheduler, workers, folder)
         )
+        calibration = None
+        if calibrate:
+            from linework.runs.cameras.calibrate import calibrate_survey
+
+            calibration = calibrate_survey(survey, folder, steps)
+            survey = calibration.survey
         preloading = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
         )
@@ -168,7 +183,7 @@ def extract_command(
         request = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
             overwrite=overwrite, resume=resume, adjust=not no_adjust, lanes=lanes, location=location,
-            candidates=candidates,
+            candidates=candidates, calibration=calibration.document() if calibration else None,
         )  # fmt: skip
         request = replace(request, forget_reviews=forget_reviews)
         record, found = extract_to(request, recordings, folder, executor, steps)
@@ -182,6 +197,9 @@ def extract_command(
     for warning in record["warnings"]:
         warn(warning)
     _print_result(record, as_json=as_json)
+    if calibration is not None and not as_json:
+        for line in calibration.lines():
+            say(line)
     _report_missing(record, output)
 
 

@@ -59,7 +59,7 @@ def read_image_list(
     ----------
     settings
         Table [cameras.left] or [cameras.right] of a survey.toml: ``images``, and with a pattern ``times`` (a
-        file) or ``rate_hz``.
+        file) or ``rate_hz``; ``time_offset_s`` is added to the times.
     root
         Folder of the survey.toml; names in a list are relative to the folder of the list.
     name
@@ -86,6 +86,7 @@ def read_image_list(
         raise InputError(f"{len(files):,} images of {name}, at most {MAX_ROWS:,}", where=root,
                          advice="split the survey")  # fmt: skip
     time_s, odd = in_seconds(time_s, f"{root} ({name})")
+    time_s = time_s + float(settings.get("time_offset_s", 0.0))
     ordered, time_s, more, left_out = _in_time_order(files, time_s, name)
     all_warnings = (*warnings, *(f"{name}: {text}" for text in odd), *more)
     return ImageList(ordered, time_s, all_warnings, left_out)

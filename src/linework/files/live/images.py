@@ -56,6 +56,7 @@ class GrowingPairs:
         self._where = survey.settings_file or survey.root
         self._allow_outside = survey.allow_outside or survey.settings_file is None
         self._tables: dict[str, GrowingTable] = {}
+        self._offset_s = {side: float(cameras[side].get("time_offset_s", 0.0)) for side in _SIDES}
         for side in _SIDES:
             images = str(cameras[side]["images"])
             if not images.lower().endswith((".csv", ".txt")):
@@ -97,7 +98,8 @@ class GrowingPairs:
             return 0
         known, n_bad, paths = {image.time_s for image in recent}, new.n_bad, []
         for number, file, text in zip(new.numbers, *(new.columns[name] for name in table.names), strict=True):
-            time_s = finite_number(text)
+            listed_s = finite_number(text)
+            time_s = None if listed_s is None else listed_s + self._offset_s[side]
             if not file or time_s is None or time_s in known:
                 n_bad += 1
                 continue

@@ -73,6 +73,7 @@ _CAMERA: Table = {
     "images": _TEXT,
     "times": _TEXT,
     "rate_hz": _POSITIVE,
+    "time_offset_s": _NUMBER,
     "model": _one_of("pinhole"),
     "width": _COUNT,
     "height": _COUNT,

@@ -68,6 +68,8 @@ class _Line:
 
 def sightings_of(pair: RectifiedPair, road: RoadShape, lines: StripeLines, config: StripeConfig) -> Sightings:
     """Return the sightings of those lines of stripes that are paint on the road, in the vehicle frame."""
+    if not len(lines.line):
+        return Sightings.empty()
     rig = pair.rig
     kept = []
     greys = _road_greys(pair, road)

@@ -1,0 +1,1 @@
+"""What runs find out about the cameras of a survey."""
