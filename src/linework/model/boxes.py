@@ -59,6 +59,9 @@ class BoxSet(Columns):
     contrast
         (n,) float64: mean intensity of the paint over that of the surface beside it; of a change of the ground by
         brightness alone, that of its outer side over that of its inner one; NaN for other boundaries.
+    rougher
+        (n,) float64 [ratio]: noise of the ground above a kerb's step over that of the floor below it, so the scanner's
+        noise and the survey's own roughness cancel; NaN for other forms.
     n_points
         (n,) int64: number of points that the reference line was measured from.
     time_start_s, time_end_s
@@ -77,6 +80,7 @@ class BoxSet(Columns):
     height_m: FloatArray = filled_column(np.float64, np.nan)
     top_v_m: FloatArray = filled_column(np.float64, np.nan)
     contrast: FloatArray = filled_column(np.float64, np.nan)
+    rougher: FloatArray = filled_column(np.float64, np.nan)
     n_points: AnyArray = filled_column(np.int64, 0)
     time_start_s: FloatArray = filled_column(np.float64, np.nan)
     time_end_s: FloatArray = filled_column(np.float64, np.nan)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
+from linework.methods.tracking.boundary_lines import form_by_ground, smooth_boundaries
+from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
 from linework.model.tile import TileData
@@ -188,3 +190,19 @@ def test_a_level_reference_refuses_a_road_on_a_grade():
     level = find_boundary_boxes(tile, surface, BoundaryConfig(level_reference=True))
     assert np.count_nonzero(level.form == BoxForm.KERB) == 0
     assert np.count_nonzero(find_boundary_boxes(tile, surface, BoundaryConfig()).form == BoxForm.KERB) >= 38
+
+
+@pytest.mark.parametrize(("behind_m", "form"), [(0.006, "kerb"), (0.015, "edge")])
+def test_a_step_with_rough_ground_behind_it_is_no_kerb(behind_m, form):
+    rng = np.random.default_rng(4)
+    xyz = street(rng, step_m=0.10, heading_deg=0.0)
+    is_behind = xyz[:, 1] - CORNER[1] < -0.02
+    more_m = np.sqrt(behind_m**2 - 0.006**2)
+    xyz[is_behind, 2] += rng.normal(0.0, 1.0, np.count_nonzero(is_behind)) * more_m
+    boxes = boxes_of(xyz)
+    kerb = boxes.take((boxes.form == BoxForm.KERB) & (np.abs(across(boxes, 0.0)[0]) < 0.1))
+    lines = smooth_boundaries(
+        kerb, track_lines(kerb, TrackConfig(), width_m=0.15), lambda xy: np.ones(len(xy), dtype=bool)
+    )
+    assert [form_by_ground(line).form for line in lines] == [form]
+    assert [line.form for line in lines] == ["kerb"]

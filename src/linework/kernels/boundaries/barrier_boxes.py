@@ -97,7 +97,7 @@ def barrier_in_cell(
 ) -> int:
     """Find the foot of a barrier in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (17,).
+    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (18,).
     """
     work = scratch.work
     x, y = place

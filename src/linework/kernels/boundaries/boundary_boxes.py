@@ -34,6 +34,7 @@ from linework.kernels.cells.places import (
     BOX_FOUND,
     BOX_HOLE,
     BOX_NO_ROAD,
+    BOX_ROUGHER,
     BOX_X,
     BOX_Y,
     COLUMNS,
@@ -65,7 +66,7 @@ def box_in_cell(
 ) -> int:
     """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (17,)
+    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (18,)
     output with the columns of `linework.kernels.cells.places`.
     """
     plane = np.zeros(3)
@@ -150,7 +151,7 @@ def boxes_in_cells(
     limits: FloorLimits,
     core: tuple[float, float, float, float],
 ) -> FloatArray:
-    """Return the boxes of all cells that hold points, (n, 17), by row from the south, then by column.
+    """Return the boxes of all cells that hold points, (n, 18), by row from the south, then by column.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ def boxes_in_cells(
                 continue
             if n + 1 >= len(out):
                 out = np.concatenate((out, np.empty_like(out)))
-            out[n : n + 2, BOX_CONTRAST] = np.nan
+            out[n : n + 2, BOX_CONTRAST], out[n : n + 2, BOX_ROUGHER] = np.nan, np.nan
             is_sure = False
             if box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
@@ -200,7 +201,7 @@ def boxes_in_cells(
 def write_box_times(
     starts: IntArray, span: IntArray, times: tuple[IntArray, FloatArray], box: FloatArray
 ) -> None:
-    """Write the times of the first and the last point within about 0.25 m of a box (17,)."""
+    """Write the times of the first and the last point within about 0.25 m of a box (18,)."""
     box[START], box[BOX_END] = np.nan, np.nan
     source, time = times
     if len(time) == 0:

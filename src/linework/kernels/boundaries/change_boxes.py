@@ -121,7 +121,7 @@ def change_in_cell(
 ) -> int:
     """Find a change of the ground in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (17,).
+    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (18,).
     """
     work, sums = scratch.work, scratch.sums
     x, y = place

@@ -131,7 +131,7 @@ def edge_in_cell(
     """Find the pavement's edge in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
     First by roughness; where that shows nothing, by brightness alone. Arguments as for
-    `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with box (17,).
+    `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with box (18,).
     """
     work, sums, edge = scratch
     slopes, _ = around

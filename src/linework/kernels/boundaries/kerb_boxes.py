@@ -72,6 +72,7 @@ from linework.kernels.cells.places import (
     BOX_FOUND,
     BOX_HALF_U,
     BOX_NO_ROAD,
+    BOX_ROUGHER,
     BOX_STEP,
     BOX_UX,
     BOX_UY,
@@ -159,7 +160,7 @@ def kerb_in_cell(
     limits, scratch
         Settings; arrays to overwrite.
     box
-        (17,) output: columns of `linework.kernels.cells.places`.
+        (18,) output: columns of `linework.kernels.cells.places`.
     """
     work, sums, step = scratch
     slopes, rise = around
@@ -214,12 +215,13 @@ def kerb_in_cell(
 
 @njit(cache=True, nogil=True)
 def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
-    """Write the columns of a box (17,) that follow from its measured step (18,) and cover (5,)."""
+    """Write the columns of a box (18,) that follow from its measured step (18,) and cover (5,)."""
     box[S_V], box[S_U] = step[STEP_SIGMA_V], step[STEP_SIGMA_U]
     box[S_Z] = 2.0 * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
     box[SCORE] = _score(step, share)
     box[FORM], box[BOX_STEP] = KERB, step[STEP_HEIGHT]
     box[TOP_V] = step[STEP_TOP] - step[STEP_FOOT]
+    box[BOX_ROUGHER] = step[STEP_NOISE_TOP] / step[STEP_NOISE]
     box[COUNT] = step[STEP_N_FLOOR] + step[STEP_N_TOP] + step[STEP_N_FACE]
 
 

@@ -56,9 +56,9 @@ _HALF_SLOPE_M = 1.5
 #: Columns of a box.
 (
     BOX_X, BOX_Y, BOX_Z, BOX_UX, BOX_UY, BOX_HALF_U, S_V, S_Z, S_U, SCORE, FORM, BOX_STEP, TOP_V, COUNT, START, BOX_END,
-    BOX_CONTRAST,
-) = range(17)  # fmt: skip
-COLUMNS = 17
+    BOX_CONTRAST, BOX_ROUGHER,
+) = range(18)  # fmt: skip
+COLUMNS = 18
 KERB, EDGE, BARRIER, CHANGE = 2.0, 3.0, 4.0, 5.0
 
 

@@ -143,7 +143,7 @@ def kernel_settings(c: BoundaryConfig) -> FloorLimits:
 
 
 def boundary_box_set(rows: FloatArray) -> BoxSet:
-    """Return rows (n, 17), with the columns of `linework.kernels.cells.places`, as boxes."""
+    """Return rows (n, 18), with the columns of `linework.kernels.cells.places`, as boxes."""
     return BoxSet(
         centre=rows[:, [places.BOX_X, places.BOX_Y, places.BOX_Z]],
         u=rows[:, [places.BOX_UX, places.BOX_UY]],
@@ -157,6 +157,7 @@ def boundary_box_set(rows: FloatArray) -> BoxSet:
         height_m=rows[:, places.BOX_STEP],
         top_v_m=rows[:, places.TOP_V],
         contrast=rows[:, places.BOX_CONTRAST],
+        rougher=rows[:, places.BOX_ROUGHER],
         n_points=rows[:, places.COUNT],
         time_start_s=rows[:, places.START],
         time_end_s=rows[:, places.BOX_END],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,9 @@ LEAST_PAVEMENT_EDGE_M = 8.0
 UNMEASURED_M = 1.5
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
+#: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: half of
+#: its variance, and more, is then of its own, as floor and stone are measured by the same scanner at the same range.
+ROUGH_BEHIND = math.sqrt(2.0)
 #: Why boxes make no boundary.
 SHORT = "short: patches and objects are as long"
 LESS_LIKELY = "less likely an edge than even ground"
@@ -55,7 +59,7 @@ class SmoothBoundary:
         0 to 1.
     times_s
         First and last time of its points. [s]
-    scores, contrasts
+    scores, contrasts, rougher
         (k,) float64: those of the boxes.
     """
 
@@ -68,6 +72,7 @@ class SmoothBoundary:
     times_s: tuple[float, float]
     scores: FloatArray
     contrasts: FloatArray
+    rougher: FloatArray
 
 
 def smooth_boundaries(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothBoundary]:
@@ -140,8 +145,22 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
     confidence = confidence_of(boxes.score[box], line.sigma_xy_m)
     return SmoothBoundary(
         line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box),
-        boxes.score[box], boxes.contrast[box],
+        boxes.score[box], boxes.contrast[box], boxes.rougher[box],
     )  # fmt: skip
+
+
+def form_by_ground(boundary: SmoothBoundary) -> SmoothBoundary:
+    """Return a boundary as an edge where it was taken for a kerb and grass or soil lies behind its step.
+
+    Notes
+    -----
+    By the median over its boxes of the noise behind the step over that before it: a kerb has stone or paving behind
+    it, as smooth as the carriageway, a verge is rough whatever its height.
+    """
+    measured = boundary.rougher[np.isfinite(boundary.rougher)]
+    if boundary.form != FORMS[BoxForm.KERB] or len(measured) == 0 or np.median(measured) < ROUGH_BEHIND:
+        return boundary
+    return replace(boundary, form=FORMS[BoxForm.EDGE])
 
 
 def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
@@ -154,6 +173,7 @@ def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
     return SmoothBoundary(
         top if has_top else foot, foot, boundary.boxes[::-1], FORMS[BoxForm.EDGE], -boundary.height_m[::-1],
         boundary.confidence, boundary.times_s, boundary.scores[::-1], boundary.contrasts[::-1],
+        boundary.rougher[::-1],
     )  # fmt: skip
 
 
