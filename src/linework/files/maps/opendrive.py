@@ -180,7 +180,7 @@ def _bank(road: LaneRoad, begin_m: float, length_m: float) -> tuple[FloatArray, 
     return places, np.arctan2((near * rise).sum(axis=1), (near * spread).sum(axis=1))
 
 
-def _on_plane(t: FloatArray, z: FloatArray, bank: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _on_plane(t: FloatArray, z: FloatArray, bank: FloatArray | np.float64) -> tuple[FloatArray, FloatArray]:
     """Return places across a road in metres along its banked plane, and above it."""
     return t * np.cos(bank) + z * np.sin(bank), z * np.cos(bank) - t * np.sin(bank)
 

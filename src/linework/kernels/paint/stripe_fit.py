@@ -94,7 +94,7 @@ def strip_of(
 
 
 @njit(cache=True, nogil=True)
-def brightness_along(
+def add_brightness(
     strip: FloatArray,
     radius: float,
     fit: FloatArray,
@@ -147,7 +147,7 @@ def dash_at(
         return begin, end
     size = 2.0 * radius / N_ALONG
     value, number, low, high = np.empty(N_ALONG), np.empty(N_ALONG), np.empty(N_ALONG), np.empty(N_ALONG)
-    brightness_along(strip, radius, fit, (value, number, low, high))
+    add_brightness(strip, radius, fit, (value, number, low, high))
     road = 0.5 * (fit[FIT_ROAD_LEFT] + fit[FIT_ROAD_RIGHT])
     darkest = (GAP_BRIGHTNESS - 0.5) * (fit[FIT_PAINT] - road)
     first, last = int((begin + radius) / size), min(int((end + radius) / size), N_ALONG - 1)
@@ -203,7 +203,7 @@ def extent(strip: FloatArray, radius: float, fit: FloatArray) -> tuple[float, fl
     """
     size = 2.0 * radius / N_ALONG
     value, number, low, high = np.empty(N_ALONG), np.empty(N_ALONG), np.empty(N_ALONG), np.empty(N_ALONG)
-    brightness_along(strip, radius, fit, (value, number, low, high))
+    add_brightness(strip, radius, fit, (value, number, low, high))
     best, first, last, total, begin = 0.0, 0, -1, 0.0, 0
     for b in range(N_ALONG):
         if total <= 0.0:

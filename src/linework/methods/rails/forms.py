@@ -95,7 +95,7 @@ def forms_along(
 
 
 def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
-    """Return the sections of windows, those of bars told by the outlines of the windows beside them as well.
+    """Return the sections of windows, those of bars judged by the outlines of the windows beside them as well.
 
     A few dozen points on a bar do not tell a board from a pipe; the next windows of the same rail show the same bars.
     """

@@ -164,7 +164,7 @@ class SectionForm:
 
     @property
     def is_bars(self) -> bool:
-        """Whether its beams are of the height of bars: what they are is told by their outlines."""
+        """Whether its beams are of the height of bars: their outlines show what they are."""
         other = self.form in ("cable_barrier", "tubes", "mesh", "concrete")
         return bool(self.bands) and not other and _are_bars(self.bands)
 
