@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
-from linework.kernels.paint.stripe_fit import dash_at, extent
+from linework.kernels.paint.stripe_extent import dash_at, extent
 from linework.kernels.paint.stripe_search import direction
 from linework.kernels.paint.stripes import clipped
 from linework.kernels.tracking.small_systems import factor, inverse_of_three, solve, solve_two

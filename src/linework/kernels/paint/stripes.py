@@ -9,6 +9,7 @@ from numba import njit
 
 from linework.arrays import FloatArray
 from linework.kernels.paint.paint_points import POINT_INTENSITY
+from linework.kernels.paint.stripe_extent import dash_at, extent
 from linework.kernels.paint.stripe_fit import (
     FIT_OFFSET,
     FIT_PAINT,
@@ -19,9 +20,7 @@ from linework.kernels.paint.stripe_fit import (
     FIT_WIDTH,
     STRIP_COLUMNS,
     bright_beside,
-    dash_at,
     edge_variance,
-    extent,
     fade_gain,
     fit_stripe,
     strip_of,

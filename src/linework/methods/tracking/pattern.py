@@ -14,7 +14,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.kernels.paint.rhythm import best_rhythm
-from linework.kernels.paint.stripe_fit import LEAST_GAP_M
+from linework.kernels.paint.stripe_extent import LEAST_GAP_M
 
 #: Step at which paint is sampled along the line. [m]
 PAINT_STEP_M = 0.10
