@@ -56,8 +56,9 @@ export const heights = (kind: string, places: Place[]) =>
 export const searchArea = ([east, north]: Place) =>
   getJson<SearchArea>(`/api/search-area?east=${east}&north=${north}`);
 
-export const tileUrl = (image: string, z: number, col: number, row: number) =>
-  `/api/tiles/${image}/${z}/${col}/${row}`;
+// `version` makes another address: a browser shows an image that it already shows again without asking for it
+export const tileUrl = (image: string, z: number, col: number, row: number, version: number) =>
+  `/api/tiles/${image}/${z}/${col}/${row}${version ? `?version=${version}` : ""}`;
 
 // Points as sendJson: n (uint32), padding, origin (3 float64), xyz relative to it (n * 3 float32), height above the road
 // (n int16, centimetres; 32767: unknown), intensity (n uint8, scaled by the range of the whole survey). Little endian.

@@ -10,6 +10,7 @@ import type { Survey } from "../app/documents";
 import { element } from "../controls/element";
 
 export class ImageLayer {
+  private version = 0;
   readonly layer = new TileLayer<TileImage>({ preload: 1, cacheSize: 1024 });
   private readonly sources = new Map<string, TileImage>();
 
@@ -26,11 +27,13 @@ export class ImageLayer {
 
   // Classes of points depend on the lines
   linesChanged(): void {
+    this.version += 1;
     for (const { name, classes } of this.survey.images) if (classes.length) this.sources.get(name)?.refresh();
   }
 
   // Fetch the tiles again once all are rendered: some were shown while incomplete
   reload(): void {
+    this.version += 1;
     for (const source of this.sources.values()) source.refresh();
   }
 
@@ -39,7 +42,7 @@ export class ImageLayer {
     return new TileImage({
       projection: this.projection,
       tileGrid: new TileGrid({ origin, resolutions, tileSize: tile_px, extent: this.survey.bounds }),
-      tileUrlFunction: ([z = 0, col = 0, row = 0]) => tileUrl(name, z, col, row),
+      tileUrlFunction: ([z = 0, col = 0, row = 0]) => tileUrl(name, z, col, row, this.version),
       interpolate: false, // show cells as they are
       transition: 0,
       wrapX: false,

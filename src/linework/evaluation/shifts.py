@@ -178,23 +178,20 @@ class _Information:
     def __init__(self, n: int, filters: FloatArray) -> None:
         self._n, self._order = n, len(filters) - 1
         self._sums = np.hstack([np.zeros((len(filters), 1)), np.cumsum(filters, axis=1)])
-        self._of_length: dict[int, FloatArray] = {}
 
     def deviations(self, length: int) -> FloatArray:
         """Return the reciprocal deviations (n - length + 1,) of evidence for runs of a length, from each first place."""
-        if length not in self._of_length:
-            n, order = self._n, self._order
-            # From the order on, all runs look alike, but for where the sequence ends
-            k = np.arange(min(length + order, n))
-            inside = np.cumsum(self._seen(order, k, k, length) ** 2)
-            first = np.arange(n - length + 1)
-            found = inside[np.minimum(len(k), n - first) - 1]
-            begin = np.arange(min(order, n - length + 1))[:, None]
-            row = np.minimum(begin + k, n - 1)
-            seen = np.where(begin + k < n, self._seen(np.minimum(row, order), k, k, length), 0.0)
-            found[: len(begin)] = (seen**2).sum(axis=1)
-            self._of_length[length] = 1.0 / np.sqrt(found)
-        return self._of_length[length]
+        n, order = self._n, self._order
+        # From the order on, all runs look alike, but for where the sequence ends
+        k = np.arange(min(length + order, n))
+        inside = np.cumsum(self._seen(order, k, k, length) ** 2)
+        first = np.arange(n - length + 1)
+        found = inside[np.minimum(len(k), n - first) - 1]
+        begin = np.arange(min(order, n - length + 1))[:, None]
+        row = np.minimum(begin + k, n - 1)
+        seen = np.where(begin + k < n, self._seen(np.minimum(row, order), k, k, length), 0.0)
+        found[: len(begin)] = (seen**2).sum(axis=1)
+        return np.asarray(1.0 / np.sqrt(found))
 
     def _seen(self, row: IntArray | int, begun: IntArray, k: IntArray, length: int) -> FloatArray:
         """Return what a shift of 1 adds k places behind the first one of a run."""

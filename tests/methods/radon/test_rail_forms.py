@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.methods.rails.sections import DEPTHS_M, HALF_SECTION_M, SECTION_CELL_M, form_of_section
+from linework.methods.rails.sections import (
+    DEPTHS_M,
+    HALF_SECTION_M,
+    SECTION_CELL_M,
+    Band,
+    OutlineFit,
+    form_of_bars,
+    form_of_section,
+)
 
 #: Height of the followed edge above the ground. [m]
 TOP_M = 0.80
@@ -87,3 +95,22 @@ def test_the_axis_of_a_pipe_is_its_middle_not_its_visible_side():
     assert band.outline == "pipe"
     assert abs(band.axis_m) <= 0.01
     assert band.height_m == pytest.approx(0.14, abs=0.03)
+
+
+def bar(low, flat, pipe):
+    """Return a bar of 0.14 m with what a flat outline and a pipe cost."""
+    fits = OutlineFit("flat", 0.0, 1.0, flat), OutlineFit("pipe", 0.07, 1.0, pipe)
+    chosen = min(fits, key=lambda fit: fit.cost)
+    return Band(low, low + 0.14, chosen.outline, chosen.axis_m, chosen.explained, 0.0, fits)
+
+
+def test_bars_are_judged_together():
+    upper, lower = bar(-0.14, 20.0, 18.0), bar(-0.62, 20.0, 26.0)
+    section = form_of_bars((upper, lower), [upper.fits, lower.fits])
+    assert (section.kind, section.form) == ("fence", "boards")
+    assert [band.outline for band in section.bands] == ["flat", "flat"]
+    # The windows beside this one say that both are pipes
+    beside = bar(-0.14, 30.0, 18.0)
+    section = form_of_bars((upper, lower), [upper.fits, lower.fits, beside.fits])
+    assert (section.kind, section.form) == ("guardrail", "tube")
+    assert [band.axis_m for band in section.bands] == [0.07, 0.07]

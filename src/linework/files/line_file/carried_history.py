@@ -126,7 +126,8 @@ def _carry(db: sqlite3.Connection, lines: LineSet) -> None:
     stood = {
         str(name): (int(version), int(edit), content)
         for version, name, edit, content in db.execute(
-            "SELECT version, id, edit, content FROM old.line_version WHERE layer IS NOT NULL"
+            "SELECT version, id, edit, content FROM old.line_version WHERE layer IS NOT NULL AND layer <> ?",
+            (POLE,),
         )
     }
     db.execute("INSERT INTO edit SELECT * FROM old.edit")

@@ -175,9 +175,13 @@ def _bank(road: LaneRoad, begin_m: float, length_m: float) -> tuple[FloatArray, 
         found.append(np.column_stack([at, (t * z).sum(axis=1), (t * t).sum(axis=1)]))
     at, rise, spread = np.concatenate(found).T
     places = np.linspace(0.0, length_m, max(round(length_m / _BANK_M), 1) + 1)
-    near = np.abs(at - places[:, None]) <= _BANK_M
     # Wide cross-sections say more than narrow ones
-    return places, np.arctan2((near * rise).sum(axis=1), (near * spread).sum(axis=1))
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(np.column_stack([rise, spread]), axis=0)])
+    near = (
+        sums[np.searchsorted(at, places + _BANK_M, side="right")]
+        - sums[np.searchsorted(at, places - _BANK_M)]
+    )
+    return places, np.arctan2(near[:, 0], near[:, 1])
 
 
 def _on_plane(t: FloatArray, z: FloatArray, bank: FloatArray | np.float64) -> tuple[FloatArray, FloatArray]:

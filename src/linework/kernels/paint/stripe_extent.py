@@ -24,7 +24,7 @@ from linework.kernels.paint.stripe_fit import (
 
 #: Paint is followed to the border of the search area if that is no farther than this many of its largest gaps.
 BORDER_GAPS = 1.5
-#: Shortest gap between dashes in use [m]; fewest points that show one, of three scan lines; and their brightness at
+#: Shortest gap between dashes in use [m]; fewest points that show one: a stray one or two do not; and their brightness at
 #: most, of road (0) and paint (1).
 LEAST_GAP_M, GAP_POINTS, GAP_BRIGHTNESS = 0.8, 3.0, 0.25
 
@@ -66,8 +66,8 @@ def dash_at(
     """Return the part of a stripe nearest to a place, from the gap before it to the gap behind it [m].
 
     One begin and one end are the most likely of a stretch that holds two dashes as well, if the gap between them has
-    fewer points than each of them. A gap is as long as the shortest in use, and three points or more of it, of as many scan
-    lines, are as dark as the road.
+    fewer points than each of them. A gap is as long as the shortest in use, and three points or more of it are as dark as
+    the road.
 
     Parameters
     ----------

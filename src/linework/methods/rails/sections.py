@@ -59,10 +59,10 @@ _STEP_M = 0.005
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 are in view where its upper lip and what is below the lower
 #: crest, 0.194 m under the upper one, are hidden. Thrie beam: 0.506 (MASH RTM08a).
-W_BEAM_M, THRIE_BEAM_M = (0.22, 0.40), (0.42, 0.60)
+W_BEAM_M, THRIE_BEAM_M = (0.225, 0.40), (0.42, 0.60)
 #: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm; pipes, square
 #: tubes and boards, 0.06 to 0.20. [m]
-ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.22)
+ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.225)
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
 #: Folded beams hang on their posts, this high above the grass at least. [m]
@@ -146,11 +146,14 @@ class SectionForm:
         Kind and form of the line; form "" where nothing explains the section.
     bands
         Its beams, the highest first.
+    is_bars
+        Whether its beams are bars: their outlines show what they are.
     """
 
     kind: str
     form: str
     bands: tuple[Band, ...]
+    is_bars: bool = False
 
     @property
     def lines(self) -> tuple[Band, ...]:
@@ -161,12 +164,6 @@ class SectionForm:
     def explained(self) -> float:
         """Share of the points of its beams that lie on their outlines."""
         return min((band.explained for band in self.bands), default=0.0)
-
-    @property
-    def is_bars(self) -> bool:
-        """Whether its beams are of the height of bars: their outlines show what they are."""
-        other = self.form in ("cable_barrier", "tubes", "mesh", "concrete")
-        return bool(self.bands) and not other and _are_bars(self.bands)
 
 
 NOTHING = SectionForm("", "", ())
@@ -363,15 +360,11 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
         kind, form = "guardrail", "cable_barrier"
     elif n > 1 and max(heights) <= HANDRAIL_M:
         kind, form = "fence", "tubes"
-    elif _are_bars(bands):
+    elif all(BAR_M[0] <= height <= BAR_M[1] for height in heights):
         return form_of_bars(bands, [band.fits for band in bands])
     elif is_mesh:
         kind, form = "fence", "mesh"
     return SectionForm(kind, form, bands)
-
-
-def _are_bars(bands: tuple[Band, ...]) -> bool:
-    return all(BAR_M[0] <= band.height_m <= BAR_M[1] for band in bands)
 
 
 def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]) -> SectionForm:
@@ -393,8 +386,9 @@ def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]
         for band, fit in zip(bands, own, strict=True)
     )
     if min(band.explained for band in bars) < fitted.LEAST_EXPLAINED:
-        return SectionForm("", "", bars)
+        return SectionForm("", "", bars, is_bars=True)
+    kind, form = "guardrail", "box_beam" if outline == "box" and len(bars) == 1 else "tube"
     if outline == "flat":
         # A board alone may be anything
-        return SectionForm("fence", "boards", bars) if len(bars) > 1 else SectionForm("", "", bars)
-    return SectionForm("guardrail", "box_beam" if outline == "box" and len(bars) == 1 else "tube", bars)
+        kind, form = ("fence", "boards") if len(bars) > 1 else ("", "")
+    return SectionForm(kind, form, bars, is_bars=True)

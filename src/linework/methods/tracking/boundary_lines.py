@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,9 +28,10 @@ LEAST_PAVEMENT_EDGE_M = 8.0
 UNMEASURED_M = 1.5
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
-#: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: half of
-#: its variance, and more, is then of its own, as floor and stone are measured by the same scanner at the same range.
-ROUGH_BEHIND = math.sqrt(2.0)
+#: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
+#: quarters of its variance, and more, are then of its own, as floor and stone are measured by the same scanner at the same
+#: range. Kerbs with grass close behind have up to 1.7 (the real motorway here-a22).
+ROUGH_BEHIND = 2.0
 #: Why boxes make no boundary.
 SHORT = "short: patches and objects are as long"
 LESS_LIKELY = "less likely an edge than even ground"
