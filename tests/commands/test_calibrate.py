@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import tomllib
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from tests.scenes.stereo_folders import make_stereo_folder
 import linework
 from linework.files.survey.calibration import cameras_text, read_cameras
 from linework.files.survey.open import open_survey
+from linework.runs.extract import extraction_request
+from linework.runs.settings import RunSettings
 
 #: The right camera as it is given looks to the right by this. [deg]
 YAW_DEG = 0.3
@@ -90,6 +93,20 @@ def test_extract_says_and_records_what_it_used(linework, views, tmp_path):
     assert parameters["cameras"]["right"] != open_survey(views[1]).settings["cameras"]["right"]
 
 
+def test_texts_of_a_calibration_are_read_back_whatever_they_hold():
+    images = 'a\tb\x01\x7f\\"\u00e9.csv'
+    assert tomllib.loads(cameras_text({"left": {"images": images}}))["cameras"]["left"]["images"] == images
+
+
+def test_runs_that_are_resumed_are_not_compared_by_how_cameras_were_calibrated(views, tmp_path):
+    survey, document = open_survey(views[0]), {"sigma_px": 0.1}
+    order = extraction_request(
+        tmp_path / "a.gpkg", survey, ("lane_marking",), "auto", RunSettings(), calibration=document
+    )
+    assert "calibration" not in order.parameters
+    assert order.calibration == document
+
+
 def test_in_python_the_calibrated_survey_can_be_extracted(views):
     given = linework.open_survey(views[1])
     found = linework.calibrate(given)
@@ -125,6 +142,9 @@ def test_what_cannot_be_calibrated_is_one_line(linework, views, tmp_path):
         assert words in done.line
         assert not output.exists()
     assert linework("calibrate", views[0], "-o", tmp_path / "a.txt").code == 2
+    own = linework("calibrate", one, "-o", one / "survey.toml", "--overwrite")
+    assert own.code == 2
+    assert "would replace the description of the survey" in own.line
 
 
 def test_an_offset_of_the_clock_moves_the_times_of_images(views, tmp_path):

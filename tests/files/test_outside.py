@@ -38,6 +38,7 @@ COMMANDS = [
     ("locate", "{survey}", "-o", "{out}.csv"),
     ("photolog", "{survey}", "-o", "{out}.html"),
     ("serve", "{survey}"),
+    ("calibrate", "{survey}", "-o", "{out}.toml"),
 ]
 
 

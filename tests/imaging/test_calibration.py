@@ -6,7 +6,8 @@ from tests.scenes.corner_scenes import corner_windows, given_rig, van_path
 
 from linework.imaging.calibration.bundle import misfit_px
 from linework.imaging.calibration.parameters import NAMES, PARAMETERS, adjusted_rig
-from linework.imaging.calibration.support import calibrated_by_corners
+from linework.imaging.calibration.support import CornerCalibration, Finding, calibrated_by_corners
+from linework.runs.cameras.calibrate import calibrated_values
 
 USUAL = {
     "focal_length": 0.005,
@@ -114,3 +115,35 @@ def test_corrections_turn_the_whole_rig_about_its_left_camera():
     up, _ = adjusted_rig(rig, {"boresight_pitch": 10.0})
     assert up.left.R_vehicle_camera[2, 2] > 0.17
     assert len({p.name for p in PARAMETERS}) == len(PARAMETERS)
+
+
+def test_values_are_those_of_the_rig_that_is_written():
+    """A turn of a rig that looks down changes its roll, and a focal length is that of both cameras."""
+    down, _ = adjusted_rig(given_rig(), {"boresight_pitch": -20.0})
+    made = {"boresight_yaw": 2.0, "focal_length": 0.01}
+    rig, _ = adjusted_rig(down, made)
+    findings = tuple(
+        Finding(p, made.get(p.name, 0.5 * p.prior), 0.1 * p.prior, is_supported=p.name in made, reason="")
+        for p in PARAMETERS
+    )
+    adjusted = CornerCalibration(rig, 0.0, findings, 4, 24, 100, 2400, 0.1, np.zeros(6), 1.0, 0.5)
+    values = {v.name: v for v in calibrated_values(down, {"left": {"time_offset_s": 0.5}}, adjusted)}
+    assert values["focal_length"].after == rig.left.fx == pytest.approx(1.01 * 718.0)
+    ratio = values["focal_length_right"]
+    assert (ratio.before, ratio.after) == pytest.approx((1.0, rig.right.fx / rig.left.fx))
+    assert ratio.estimate == pytest.approx(1.0025)
+    assert abs(values["boresight_roll"].after - values["boresight_roll"].before) > 0.1
+    assert not values["boresight_roll"].is_supported
+    for name in made:
+        assert values[name].estimate == values[name].after
+    assert values["time_offset"].after == values["time_offset"].before == 0.5
+
+
+def test_what_is_corrected_passes_the_test_and_is_rounded():
+    found, by_name = findings(USUAL, van_path(), seed=19)
+    for f in by_name.values():
+        if f.is_supported:
+            # Student's distribution with 7 degrees of freedom, 2 % over 17 parameters
+            assert abs(f.correction) > 5.3 * f.sigma
+            assert f.correction == float(f"{f.correction:.10g}")
+    assert found.after_px <= found.before_px

@@ -54,6 +54,10 @@ class ExtractionRequest:
         Also write the lanes, as for `linework.files.vectors.read_write.write_lines`.
     adjust
         Make several drives over one road agree first.
+    calibration
+        How the cameras were calibrated before: it is written to run.json as one of the parameters, and runs that are
+        resumed are not compared by it, because its last bits differ between machines. What it corrected is in the
+        parameters' `cameras`.
     """
 
     output: Path
@@ -67,6 +71,7 @@ class ExtractionRequest:
     lanes: bool = False
     location: str = ""
     adjust: bool = True
+    calibration: Mapping[str, Any] | None = None
 
 
 def extract_to(
@@ -94,6 +99,7 @@ def extract_to(
             )  # fmt: skip
     if not order.forget_reviews:
         refuse_to_lose(order.output)
+    calibration = {"calibration": order.calibration} if order.calibration else {}
     with run_folder(work, order.output, described, resume=order.resume) as run:
         found = find_lines_of_drives(
             recordings, order.methods, run, settings=order.settings, ground=order.ground,
@@ -103,7 +109,7 @@ def extract_to(
         if not order.forget_reviews:
             found, reviews = with_kept_reviews(found, order.output)
         record = publish_extraction(
-            found, order.output, {**order.parameters, "fingerprint": fingerprint},
+            found, order.output, {**order.parameters, **calibration, "fingerprint": fingerprint},
             overwrite=order.overwrite or order.resume,
             note=lambda sha256: run.journal.note_output(order.output.name, sha256),
             steps=steps,
@@ -221,8 +227,8 @@ def extraction_request(
             **({"lanes": lanes, "location": location} if lanes else {}),
             **({} if adjust else {"adjust": False}),
             **({"candidates": True} if candidates else {}),
-            **({"calibration": calibration} if calibration else {}),
         },
+        calibration=calibration,
         overwrite=overwrite,
         resume=resume,
         adjust=adjust,

@@ -159,6 +159,7 @@ COMMANDS = [
     ("serve", "{survey}"),
     ("convert", "{lines}", "{out}.gpkg"),
     ("evaluate", "{lines}", "{lines}"),
+    ("calibrate", "{survey}", "-o", "{out}.toml"),
 ]
 
 

@@ -52,6 +52,10 @@ def calibrate_command(
 
     if output.suffix.lower() != ".toml":
         raise UsageError(f"cannot write a calibration as '{output.suffix}'", where=output, advice="use .toml")
+    for path in surveys:
+        if output.absolute() in (path.absolute(), (path / "survey.toml").absolute()):
+            raise UsageError("the calibration would replace the description of the survey", where=output,
+                             advice="choose another name")  # fmt: skip
     inputs = (trajectory,) if trajectory else ()
     with contextlib.ExitStack() as held:
         held.enter_context(reserve_output(output, overwrite=overwrite, inputs=inputs))
@@ -66,12 +70,18 @@ def calibrate_command(
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         found = calibrate_survey(survey, work_folder(survey.root, work), RunSteps(display))
-        head = f"Calibration of {survey.name}, written by linework calibrate. Put it in place of these tables of survey.toml."
+        is_described = survey.settings_file is not None and survey.settings_file.suffix == ".toml"
+        use = (
+            "Put it in place of these tables of survey.toml."
+            if is_described
+            else "The survey has no survey.toml to put it into: linework extract --calibrate uses it."
+        )
+        head = f"Calibration of {survey.name}, written by linework calibrate. {use}"
         write_calibration(found.cameras, output, remarks=[head, *found.lines()], overwrite=overwrite)
     for text in found.warnings:
         warn(text)
     if as_json:
-        say_json({**found.document(), "warnings": list(found.warnings), "output": str(output)})
+        say_json({**found.document(), "output": str(output)})
         return
     for line in found.lines():
         say(line)

@@ -194,7 +194,8 @@ def extract_command(
 
                 page = extraction_report(found.lines, recordings, record)
                 write_page(page, report, overwrite=overwrite or resume)
-    for warning in record["warnings"]:
+    told = calibration.warnings if calibration else ()
+    for warning in dict.fromkeys([*told, *record["warnings"]]):
         warn(warning)
     _print_result(record, as_json=as_json)
     if calibration is not None and not as_json:

@@ -197,8 +197,9 @@ def _along_rows(
         like = cv2.matchTemplate(strip, patch, cv2.TM_CCOEFF_NORMED)
         at_row, at_col = np.unravel_index(int(like.argmax()), like.shape)
         best = float(like[at_row, at_col])
-        like[:, max(at_col - half, 0) : at_col + half + 1] = -1.0
-        if best >= _LEAST_LIKE and best - float(like.max()) >= _BETTER:
+        # Without other places to compare with, it is not clear
+        others = np.hstack([like[:, : max(at_col - half, 0)], like[:, at_col + half + 1 :]])
+        if best >= _LEAST_LIKE and others.size and best - float(others.max()) >= _BETTER:
             found[i] = flat[i] + [first + at_col - col, at_row - _STRIP_PX]
     is_there = np.isfinite(found).all(axis=1)
     found[is_there] = original_pixels(rig.right, rectifier.rig, found[is_there])

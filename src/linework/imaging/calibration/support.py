@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +31,7 @@ _FIRST_STEPS, _NEXT_STEPS, _ROUNDS = 10, 4, 4
 #: Fewest windows that say how far windows disagree, and fewest corners in them.
 LEAST_WINDOWS, LEAST_CORNERS = 4, 100
 _P = len(PARAMETERS)
+_NO_BETTER = "the residuals are no smaller with the corrections: none is made"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +70,8 @@ class CornerCalibration:
         To be added to the times of images. [s]
     findings
         One for each of `PARAMETERS`.
-    n_windows, n_corners, n_pixels
-        Windows of pairs, corners followed in them, and places where these were seen.
+    n_windows, n_pairs, n_corners, n_pixels
+        Windows of pairs, their pairs, corners followed in them, and places where these were seen.
     sigma_px
         Standard deviation of a coordinate of a corner. [pixels]
     sigma_moves
@@ -83,6 +85,7 @@ class CornerCalibration:
     time_offset_s: float
     findings: tuple[Finding, ...]
     n_windows: int
+    n_pairs: int
     n_corners: int
     n_pixels: int
     sigma_px: float
@@ -126,14 +129,16 @@ def calibrated_by_corners(
     bundle = Bundle(rig, windows)
     n_corners = sum(len(fit.landmarks) for fit in bundle.fits)
     if len(bundle.fits) < LEAST_WINDOWS or n_corners < LEAST_CORNERS:
+        plural = "" if len(bundle.fits) == 1 else "s"
         raise ValueError(
-            f"{n_corners} corners followed in {len(bundle.fits)} windows of pairs, at least {LEAST_CORNERS} in "
+            f"{n_corners} corners followed in {len(bundle.fits)} window{plural} of pairs, at least {LEAST_CORNERS} in "
             f"{LEAST_WINDOWS} are needed"
         )
     told = progress or (lambda _done, _n: None)
     told(0, _ROUNDS)
     every = np.arange(len(NAMES)) < _P
     bundle.fit(every, _FIRST_STEPS)
+    given_px = float(np.median(misfit_px(rig, windows, np.zeros(len(NAMES)))))
     chosen = np.zeros(_P, dtype=bool)
     for done in range(1, _ROUNDS + 1):
         reduced = bundle.reduce()
@@ -141,19 +146,63 @@ def calibrated_by_corners(
         told(done, _ROUNDS)
         if done > 1 and (chosen == before).all():
             break
-        free = np.concatenate([chosen, np.zeros(len(NAMES) - _P, dtype=bool)])
-        bundle.x = np.where(free, bundle.x, 0.0)
-        bundle.fit(free, _NEXT_STEPS)
-    x = np.where(np.concatenate([chosen, np.zeros(len(NAMES) - _P, dtype=bool)]), bundle.x, 0.0)
+        _refit(bundle, chosen)
+    reduced, chosen = _tested(bundle, chosen)
+    findings = _findings(reduced, chosen, _rounded(bundle.x, reduced, chosen))
+    x = _used(findings)
+    adjusted_px = float(np.median(misfit_px(rig, windows, x)))
+    if adjusted_px > given_px:
+        findings = tuple(
+            replace(f, is_supported=False, reason=_NO_BETTER) if f.is_supported else f for f in findings
+        )
+        x, adjusted_px = _used(findings), given_px
     told(_ROUNDS, _ROUNDS)
-    findings = _findings(bundle.reduce(), chosen, x)
     new, offset = adjusted_rig(rig, x)
     return CornerCalibration(
-        new, offset, findings, len(bundle.fits), n_corners, sum(len(fit.tracks) for fit in bundle.fits),
-        bundle.sigma_px, bundle.sigma_moves,
-        before_px=float(np.median(misfit_px(rig, windows, np.zeros(len(NAMES))))),
-        after_px=float(np.median(misfit_px(rig, windows, x))),
+        new, offset, findings, len(bundle.fits), sum(len(fit.moves) for fit in bundle.fits), n_corners,
+        sum(len(fit.tracks) for fit in bundle.fits), bundle.sigma_px, bundle.sigma_moves,
+        before_px=given_px, after_px=adjusted_px,
     )  # fmt: skip
+
+
+def _refit(bundle: Bundle, chosen: BoolArray) -> None:
+    """Fit the chosen parameters, with all others as they are given."""
+    free = np.concatenate([chosen, np.zeros(len(NAMES) - _P, dtype=bool)])
+    bundle.x = np.where(free, bundle.x, 0.0)
+    bundle.fit(free, _NEXT_STEPS)
+
+
+def _tested(bundle: Bundle, chosen: BoolArray) -> tuple[list[ReducedWindow], BoolArray]:
+    """Return the reduced windows and the parameters of which each passes the test as it is fitted in the end.
+
+    What fails is dropped and the others are fitted again, until none fails or none is left.
+    """
+    while True:
+        reduced = bundle.reduce()
+        found = _estimated(reduced, chosen)
+        fails = np.abs(bundle.x[found.index]) <= _least_t(len(reduced)) * found.sigma
+        if not fails.any():
+            return reduced, chosen
+        chosen = chosen.copy()
+        chosen[found.index[fails]] = False
+        _refit(bundle, chosen)
+
+
+def _rounded(x: FloatArray, windows: Sequence[ReducedWindow], chosen: BoolArray) -> FloatArray:
+    """Return the corrections to a thousandth of their sigmas, 0 for what is not chosen.
+
+    Sums differ in their last bits from machine to machine; the calibration, and the lines found with it, do not.
+    """
+    found, rounded = _estimated(windows, chosen), np.zeros(len(x))
+    for k, sigma in zip(found.index.tolist(), found.sigma.tolist(), strict=True):
+        rounded[k] = round(float(x[k]), 3 - math.floor(math.log10(sigma)))
+    return rounded
+
+
+def _used(findings: Sequence[Finding]) -> FloatArray:
+    """Return the corrections that are made, in the order of all parameters."""
+    used = {f.parameter.name: f.correction for f in findings if f.is_supported}
+    return np.array([used.get(name, 0.0) for name in NAMES])
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from linework.errors import InputError, check_extra
 from linework.files.images.series import open_stereo
 from linework.files.survey.calibration import table_of_camera
 from linework.files.trajectories.of_survey import read_van_path
+from linework.imaging.calibration.parameters import adjusted_rig
 from linework.imaging.calibration.support import CornerCalibration, calibrated_by_corners
 from linework.model.camera import LOOKING_AHEAD, StereoRig
 from linework.model.survey import Survey
@@ -20,6 +21,12 @@ from linework.runs.cameras.windows import followed
 from linework.runs.opened.pairs import OpenedStereo, place_pairs
 from linework.runs.opened.recordings import located_survey
 from linework.runs.steps import RunSteps
+
+#: Values differ by rounding alone up to this part of them.
+_SAME = 1e-12
+#: Decimals of corrected values [m, pixels, s, parts of a quaternion]: finer than any sigma, and coarser than the last bits,
+#: in which machines differ.
+_DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +38,12 @@ class CalibratedValue:
     name, unit
         Of the parameter.
     before, after
-        The given value, and the one to be used: the same where the data do not support a correction.
+        The given value, and that of the calibration to be used. Without a correction of its own it is the same, but
+        where other corrections change it.
     estimate, sigma
         What the corners say, and its standard deviation.
     is_supported
-        Whether `after` is the estimate.
+        Whether it is corrected.
     reason
         Why, or why not.
     """
@@ -106,7 +114,7 @@ class SurveyCalibration:
             "cameras": {side: dict(table) for side, table in self.cameras.items()},
             "n_windows": self.n_windows, "n_pairs": self.n_pairs, "n_corners": self.n_corners,
             "n_pixels": self.n_pixels, "sigma_px": self.sigma_px, "residual_before_px": self.before_px,
-            "residual_after_px": self.after_px,
+            "residual_after_px": self.after_px, "warnings": list(self.warnings),
         }  # fmt: skip
 
     def lines(self) -> list[str]:
@@ -153,12 +161,12 @@ def calibrate_survey(survey: Survey, work: Path, steps: RunSteps) -> SurveyCalib
         except ValueError as error:
             raise InputError(f"the cameras cannot be calibrated: {error}", where=survey.name,
                              advice="use a longer survey, with more texture in its images") from error  # fmt: skip
-    cameras = _tables(survey.settings["cameras"], adjusted)
+    cameras = _tables(stereo.series.rig, survey.settings["cameras"], adjusted)
     return SurveyCalibration(
         survey=survey.with_cameras(cameras),
         cameras=cameras,
-        values=_values(stereo.series.rig, survey.settings["cameras"], adjusted),
-        n_windows=adjusted.n_windows, n_pairs=len(found.pairs), n_corners=adjusted.n_corners,
+        values=calibrated_values(stereo.series.rig, survey.settings["cameras"], adjusted),
+        n_windows=adjusted.n_windows, n_pairs=adjusted.n_pairs, n_corners=adjusted.n_corners,
         n_pixels=adjusted.n_pixels, sigma_px=adjusted.sigma_px, before_px=adjusted.before_px,
         after_px=adjusted.after_px,
         warnings=(*messages, *stereo.warnings, *found.warnings),
@@ -179,37 +187,58 @@ def _placed(survey: Survey, work: Path, steps: RunSteps) -> tuple[OpenedStereo, 
     return place_pairs(located, van.series or series, van.trajectory), (*messages, *van.warnings)
 
 
-def _tables(cameras: Mapping[str, Any], adjusted: CornerCalibration) -> dict[str, dict[str, Any]]:
+def _tables(
+    rig: StereoRig, cameras: Mapping[str, Any], adjusted: CornerCalibration
+) -> dict[str, dict[str, Any]]:
     """Return the tables of both cameras with what was corrected; what was not stays as it was written."""
-    if not any(finding.is_supported for finding in adjusted.findings):
-        return {side: dict(cameras[side]) for side in ("left", "right")}
     found = {}
-    for side, camera in (("left", adjusted.rig.left), ("right", adjusted.rig.right)):
-        table = {**cameras[side], **table_of_camera(camera)}
+    for side in ("left", "right"):
+        given, new = (table_of_camera(getattr(one, side)) for one in (rig, adjusted.rig))
+        changed = {key: _rounded(new[key]) for key in new if not _is_same(new[key], given[key])}
         if adjusted.time_offset_s:
-            table["time_offset_s"] = float(cameras[side].get("time_offset_s", 0.0)) + adjusted.time_offset_s
-        found[side] = table
+            offset = float(cameras[side].get("time_offset_s", 0.0)) + adjusted.time_offset_s
+            changed["time_offset_s"] = _rounded(offset)
+        found[side] = {**cameras[side], **changed}
     return found
 
 
-def _values(
+def _is_same(new: Any, given: Any) -> bool:
+    """Return whether values of a camera differ by no more than the rounding of a product of rotations."""
+    if isinstance(new, str):
+        return bool(new == given)
+    size = np.abs(given).max()
+    return bool(np.abs(np.subtract(new, given)).max() <= _SAME * size)
+
+
+def _rounded(value: Any) -> Any:
+    return (np.round(value, _DECIMALS) + 0.0).tolist()
+
+
+def calibrated_values(
     rig: StereoRig, cameras: Mapping[str, Any], adjusted: CornerCalibration
 ) -> tuple[CalibratedValue, ...]:
-    """Return all parameters with their values: angles against a level view ahead and against the left camera."""
+    """Return all parameters with their values: angles against a level view ahead and against the left camera.
+
+    All are read from rigs: a correction may change the values of other parameters, too, as a turn to the side changes
+    the roll of cameras that look down. An estimate that is not used is that of the rig with it and with what is used.
+    """
     offset = float(cameras["left"].get("time_offset_s", 0.0))
-    given = _named(rig) | {"time_offset": offset}
-    after = _named(adjusted.rig) | {"time_offset": offset + adjusted.time_offset_s}
+
+    def named(corrected: StereoRig, later_s: float) -> dict[str, float]:
+        return _named(corrected) | {"time_offset": offset + later_s}
+
+    given, after = named(rig, 0.0), named(adjusted.rig, adjusted.time_offset_s)
+    used = {f.parameter.name: f.correction for f in adjusted.findings if f.is_supported}
     found = []
     for finding in adjusted.findings:
-        parameter, before = finding.parameter, given[finding.parameter.name]
-        # Ratios are corrections of focal lengths
-        factor = before if parameter.unit == "ratio" else 1.0
-        is_used = finding.is_supported
+        name, unit = finding.parameter.name, finding.parameter.unit
+        estimate = named(*adjusted_rig(rig, used | {name: finding.correction}))[name]
+        # Corrections of focal lengths are ratios to the given ones
+        factor = given[name] if unit == "ratio" else 1.0
         found.append(
             CalibratedValue(
-                parameter.name, "px" if parameter.unit == "ratio" else parameter.unit, before,
-                after[parameter.name] if is_used else before, before + finding.correction * factor,
-                finding.sigma * factor, is_used, finding.reason,
+                name, "px" if name == "focal_length" else unit, given[name], after[name], estimate,
+                finding.sigma * factor, finding.is_supported, finding.reason,
             )
         )  # fmt: skip
     return tuple(found)
@@ -220,7 +249,7 @@ def _named(rig: StereoRig) -> dict[str, float]:
     left, right = rig.left, rig.right
     base = 1e3 * left.R_vehicle_camera.T @ (right.position_m - left.position_m)
     values = {
-        "focal_length": left.fx, "focal_length_right": right.fx, "principal_point_col": left.cx,
+        "focal_length": left.fx, "focal_length_right": right.fx / left.fx, "principal_point_col": left.cx,
         "principal_point_row": left.cy, "base_up": -base[1], "base_ahead": base[2],
         "k1_left": left.distortion[0], "k2_left": left.distortion[1],
         "k1_right": right.distortion[0], "k2_right": right.distortion[1],

@@ -15,7 +15,7 @@ from linework.errors import InputError
 from linework.files.images.read import read_pair
 from linework.imaging.calibration.bundle import CornerWindow
 from linework.imaging.calibration.corners import CornerTracks, follow_corners
-from linework.model.images import ImagePair, Poses
+from linework.model.images import Poses
 from linework.model.trajectory import Trajectory
 from linework.navigation.poses import poses_at
 from linework.runs.opened.pairs import OpenedStereo
@@ -39,10 +39,9 @@ _AROUND_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FollowedWindows:
-    """Windows with their corners; the pairs used; and what could not be read, one line each."""
+    """Windows with their corners, and what could not be read, one line each."""
 
     windows: tuple[CornerWindow, ...]
-    pairs: tuple[ImagePair, ...]
     warnings: tuple[str, ...] = ()
 
 
@@ -106,23 +105,21 @@ def followed(stereo: OpenedStereo, advance: Advance) -> FollowedWindows:
     InputError
         As for `corner_windows_of`, or no image can be read.
     """
-    windows, pairs, warnings = [], [], []
+    windows, warnings = [], []
     chosen = corner_windows_of(stereo)
     for done, window in enumerate(chosen):
         advance(done, len(chosen))
-        own = [stereo.pairs[i] for i in window.tolist()]
         try:
             tracks = _tracks_of(stereo, window)
         except InputError as error:
             warnings.append(str(error))
             continue
         windows.append(CornerWindow(tracks, _Moving.of(stereo.trajectory, stereo.poses.time_s[window])))
-        pairs += own
     advance(len(chosen), len(chosen))
     if not windows:
         raise InputError(f"no window of pairs can be read: {warnings[0].rstrip('.')}", where=stereo.survey.name,
                          advice="see the images with linework info")  # fmt: skip
-    return FollowedWindows(tuple(windows), tuple(pairs), tuple(warnings))
+    return FollowedWindows(tuple(windows), tuple(warnings))
 
 
 def _tracks_of(stereo: OpenedStereo, window: IntArray) -> CornerTracks:
