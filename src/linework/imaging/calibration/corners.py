@@ -125,7 +125,8 @@ def follow_corners(
 
 def _even(image: AnyArray) -> AnyArray:
     """Return an image whose light and contrast are the same everywhere, uint8."""
-    import cv2
+    with extra_needed("stereo"):
+        import cv2
 
     grey = image.astype(np.float32)
     mean = cv2.GaussianBlur(grey, (0, 0), _EVEN_PX)
@@ -145,7 +146,8 @@ def _new_corners(
     known: FloatArray,
 ) -> _Followed:
     """Return corners of the left image that are found in the right one, away from those that are known."""
-    import cv2
+    with extra_needed("stereo"):
+        import cv2
 
     height, width = shape[:2]
     free = np.zeros((height, width), dtype=np.uint8)
@@ -180,7 +182,8 @@ def _along_rows(
     corners: FloatArray, left: AnyArray, right: AnyArray, rectifier: Rectifier, rig: StereoRig
 ) -> FloatArray:
     """Return (n, 2) where corners of the left image are in the right one to a pixel; NaN where it is not clear."""
-    import cv2
+    with extra_needed("stereo"):
+        import cv2
 
     height, width = left.shape
     most, half = int(_MOST_DISPARITY * width), _HALF_PX
@@ -264,7 +267,8 @@ def _matched(
     here: AnyArray, there: AnyArray, corners: FloatArray, expected: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return (n, 2) places of corners in another image, and whether the way back ends where it began."""
-    import cv2
+    with extra_needed("stereo"):
+        import cv2
 
     if not len(corners):
         return corners, np.zeros(0, dtype=bool)
