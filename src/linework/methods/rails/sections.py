@@ -57,12 +57,12 @@ ON_OUTLINE_M = 0.05
 _STEP_M = 0.005
 
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
-#: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 are in view where its upper lip and what is below the lower
+#: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
 #: crest, 0.194 m under the upper one, are hidden. Thrie beam: 0.506 (MASH RTM08a).
-W_BEAM_M, THRIE_BEAM_M = (0.225, 0.40), (0.42, 0.60)
+W_BEAM_M, THRIE_BEAM_M = (0.215, 0.40), (0.42, 0.60)
 #: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm; pipes, square
 #: tubes and boards, 0.06 to 0.20. [m]
-ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.225)
+ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.215)
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
 #: Folded beams hang on their posts, this high above the grass at least. [m]
@@ -146,14 +146,17 @@ class SectionForm:
         Kind and form of the line; form "" where nothing explains the section.
     bands
         Its beams, the highest first.
-    is_bars
-        Whether its beams are bars: their outlines show what they are.
     """
 
     kind: str
     form: str
     bands: tuple[Band, ...]
-    is_bars: bool = False
+
+    @property
+    def is_bars(self) -> bool:
+        """Whether its beams are of the height of bars, explained or not: their outlines show what they are."""
+        other = self.form in ("cable_barrier", "tubes")
+        return bool(self.bands) and not other and _are_bars(self.bands)
 
     @property
     def lines(self) -> tuple[Band, ...]:
@@ -360,11 +363,15 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
         kind, form = "guardrail", "cable_barrier"
     elif n > 1 and max(heights) <= HANDRAIL_M:
         kind, form = "fence", "tubes"
-    elif all(BAR_M[0] <= height <= BAR_M[1] for height in heights):
+    elif _are_bars(bands):
         return form_of_bars(bands, [band.fits for band in bands])
     elif is_mesh:
         kind, form = "fence", "mesh"
     return SectionForm(kind, form, bands)
+
+
+def _are_bars(bands: tuple[Band, ...]) -> bool:
+    return all(BAR_M[0] <= band.height_m <= BAR_M[1] for band in bands)
 
 
 def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]) -> SectionForm:
@@ -386,9 +393,9 @@ def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]
         for band, fit in zip(bands, own, strict=True)
     )
     if min(band.explained for band in bars) < fitted.LEAST_EXPLAINED:
-        return SectionForm("", "", bars, is_bars=True)
+        return SectionForm("", "", bars)
     kind, form = "guardrail", "box_beam" if outline == "box" and len(bars) == 1 else "tube"
     if outline == "flat":
         # A board alone may be anything
         kind, form = ("fence", "boards") if len(bars) > 1 else ("", "")
-    return SectionForm(kind, form, bars, is_bars=True)
+    return SectionForm(kind, form, bars)
