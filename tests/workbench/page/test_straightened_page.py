@@ -153,7 +153,7 @@ def test_the_road_is_unrolled_without_a_selection(browser, served):
     with opened_page(browser, served) as page:
         plan = PlanPage(page, served)
         page.get_by_role("tab", name="Straightened").click()
-        page.get_by_label("Unroll").select_option("road")
+        page.get_by_label("Unroll", exact=True).select_option("road")
         wait_until(lambda: int(_data(plan, "points") or 0) > 500)
         assert page.get_attribute(".straightened-view", "data-axis") == "road"
         shown = set(json.loads(_data(plan, "lines")))
