@@ -261,7 +261,7 @@ def test_a_killed_run_goes_on_with_the_drives_that_are_done(survey, adjusted, tm
 
     def killing(stage, done, total):
         stages.append(stage)
-        if stage == "adjust drives" or (stage == "separate drives" and stages.count("find lines") > 2):
+        if stage == "adjust drives" or (stage == "move points" and stages.count("find lines") > 2):
             raise KeyboardInterrupt
 
     given = {"kinds": KINDS, "trajectory": scene.path, "work": tmp_path / "work"}

@@ -113,8 +113,8 @@ def extract(
     resume
         Go on with a call with the same arguments that was killed; needs `work`.
     adjust
-        Make several drives over one road agree at their lines before lines are extracted from all of them. False: leave
-        them as they were recorded.
+        Make several drives over one road agree at their lines, and turns of a spinning lidar on the ground, before lines
+        are extracted from all points. False: leave them as they were recorded.
     candidates
         Also return the lines that obb measured and did not take, of the kind "candidate", with the kind that each would
         be (`candidate_kind`) and the `reason`. The other lines are the same with and without.

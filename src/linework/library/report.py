@@ -73,7 +73,7 @@ def report_of(found: Extraction, timings_s: Mapping[str, float]) -> Report:
         inputs=tuple(inputs),
         left_out=tuple(left_out),
         warnings=tuple(found.warnings),
-        adjusted=found.drives.summary if found.drives else "",
+        adjusted=found.adjusted,
         timings_s=dict(timings_s),
         versions=versions(),
     )

@@ -17,7 +17,7 @@ from linework.files.store.in_memory import FileFacts
 from linework.lines.names import cell_id, cells_of_lines
 from linework.model.lines import KINDS, LineSet
 from linework.model.logs import VanLog
-from linework.runs.drives.account import DrivesAccount
+from linework.runs.drives.account import DrivesAccount, TurnsAccount
 from linework.runs.tiles import Tile
 from linework.surface.aside import RoadAside
 
@@ -90,6 +90,8 @@ class Extraction:
         How much is road, and how much smooth ground beside it is not; None where neither was of interest.
     drives
         How several drives were made to agree; None: they were not, or there is one.
+    turns
+        How the turns of a spinning lidar were levelled; None: they were not.
     """
 
     source: str
@@ -104,6 +106,13 @@ class Extraction:
     logged: VanLog | None = None
     aside: RoadAside | None = None
     drives: DrivesAccount | None = None
+    turns: TurnsAccount | None = None
+
+    @property
+    def adjusted(self) -> str:
+        """What was corrected of the points before lines were looked for; "": nothing."""
+        accounts = [account for account in (self.turns, self.drives) if account]
+        return "; ".join(account.summary for account in accounts)
 
 
 # Names and order of lines: from kind and place alone, so that another run gives the same

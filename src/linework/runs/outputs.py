@@ -131,6 +131,7 @@ def record_of(
                 kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
             },
         },
+        **({"turns": extraction.turns.as_document()} if extraction.turns else {}),
         **({"drives": extraction.drives.as_document()} if extraction.drives else {}),
         "timings_s": {step: round(seconds, 4) for step, seconds in steps.timings_so_far_s().items()},
         "tiles": [

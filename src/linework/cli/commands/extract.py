@@ -84,7 +84,7 @@ def extract_command(
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
     no_adjust: Annotated[
         bool,
-        typer.Option("--no-adjust", help="Leave several drives over one road as they were recorded."),
+        typer.Option("--no-adjust", help="Leave drives over one road, and turns of a lidar, as recorded."),
     ] = False,
     calibrate: Annotated[
         bool,
@@ -227,8 +227,9 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
         say(f"{'lane':14} {counts['lanes']:6,} lanes {counts['lane_length_m']:12,.1f} m")
     for kind, n_lines in counts["lines"].items():
         say(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
-    if "drives" in record:
-        say(record["drives"]["summary"])
+    for adjusted in ("turns", "drives"):
+        if adjusted in record:
+            say(record[adjusted]["summary"])
 
 
 def _report_missing(record: dict[str, Any], output: Path) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,6 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, PartialError
 from linework.files.output.journal import JournalEntry, open_journal
 from linework.files.output.parts import read_part, write_part
-from linework.files.output.replace import replacing_folder
-from linework.files.store.facts import facts_of_store
-from linework.files.store.read import PointStore
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import PUBLISHED_KINDS_OF
 from linework.methods.protocol import Method
@@ -30,14 +26,15 @@ from linework.processes.executors import Executor, Serial
 from linework.runs.drives.account import DriveAccount, DrivesAccount
 from linework.runs.drives.adjustment import DriveTies, PathCorrection, adjusted_path
 from linework.runs.drives.separate import DriveSpan, separate_drives, share_road
-from linework.runs.drives.stores import write_changed_store
+from linework.runs.drives.stores import changed_points
 from linework.runs.drives.ties import FIRST_REACH_M, LAST_REACH_M, TIE_KINDS, meet_lines, tie_drives
+from linework.runs.drives.turns import level_turns, with_turns_sigma
 from linework.runs.extraction import Extraction
 from linework.runs.find import find_lines
-from linework.runs.opened.points import OpenedSurvey, hash_path
+from linework.runs.opened.points import hash_path
 from linework.runs.opened.recordings import Recordings
 from linework.runs.own import GroundFinder
-from linework.runs.resume import RunFolder, fingerprint_of
+from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
 
@@ -85,9 +82,10 @@ def find_lines_of_drives(
     Returns
     -------
     Extraction
-        That of `find_lines` where there is nothing to adjust: methods as published, which take points as they are, one drive, no two drives over one road, no times or
-        trajectory, no common lines. Otherwise the sigmas of lines have what the drives there still have in common, and
-        `drives` says what was corrected.
+        That of `find_lines` where there is nothing to adjust: methods as published, which take points as they are, one
+        drive, no two drives over one road, no times or trajectory, no common lines. Otherwise the sigmas of lines have what
+        the drives there still have in common, and `drives` says what was corrected. Turns of a spinning lidar whose heights
+        disagree are levelled before (`linework.runs.drives.turns`), with or without a trajectory, and `turns` says how.
 
     Notes
     -----
@@ -108,14 +106,21 @@ def find_lines_of_drives(
     ) -> Extraction:
         return find_lines(them, by, where, settings=using, ground=own, executor=executor, steps=steps)
 
+    if not adjust or any(method.name in PUBLISHED_KINDS_OF for method in methods):
+        return found_in(recordings, methods, run, ground)
+    recordings, turns = level_turns(recordings, run, steps)
+
+    def found_in_all(them: Recordings) -> Extraction:
+        found = found_in(them, methods, run, ground)
+        return replace(found, lines=with_turns_sigma(found.lines, turns), turns=turns) if turns else found
+
     opened = recordings.points
     path = None if opened is None else opened.trajectory
-    as_published = any(method.name in PUBLISHED_KINDS_OF for method in methods)
-    if not adjust or as_published or opened is None or path is None or not opened.points.has_time:
-        return found_in(recordings, methods, run, ground)
+    if opened is None or path is None or not opened.points.has_time:
+        return found_in_all(recordings)
     drives = separate_drives(path)
     if not share_road(drives):
-        return found_in(recordings, methods, run, ground)
+        return found_in_all(recordings)
     named = choose_methods(
         "auto", TIE_KINDS, radon=chosen.radon, obb=chosen.obb, stereo=chosen.stereo, paint=None
     )
@@ -127,9 +132,9 @@ def find_lines_of_drives(
     with steps.step("adjust drives"):
         adjusted = adjusted_drives(drives, path, lines)
     if adjusted is None:
-        return found_in(recordings, methods, run, ground)
+        return found_in_all(recordings)
     moved = _moved(recordings, adjusted, run, steps)
-    found = found_in(moved, methods, run, ground)
+    found = found_in_all(moved)
     return replace(found, lines=with_common_sigma(found.lines, adjusted), drives=adjusted.account)
 
 
@@ -224,8 +229,13 @@ def _lines_of_drive(
         assert points.time_s is not None
         return points.take(drive.holds(points.time_s))
 
-    own = _changed(
-        opened, folder / "store", change, f"drive {number} of {drive.start_s} to {drive.end_s}", steps
+    own = changed_points(
+        opened,
+        folder / "store",
+        change,
+        f"drive {number} of {drive.start_s} to {drive.end_s}",
+        steps,
+        "separate drives",
     )
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:
@@ -244,25 +254,6 @@ def _lines_of_drive(
     return lines
 
 
-def _changed(
-    opened: OpenedSurvey, folder: Path, change: Callable[[Points], Points], what: str, steps: RunSteps
-) -> OpenedSurvey | None:
-    """Return a survey with points that a function makes of its own, in a store of their own; None without any."""
-    if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with replacing_folder(folder) as part, steps.step("separate drives", unit="points") as advance:
-            write_changed_store(opened.points, part, change, advance)
-    points = PointStore.open(folder)
-    if not points.n_points:
-        return None
-    return replace(
-        opened,
-        points=points,
-        facts=facts_of_store(points),
-        key=fingerprint_of({"of": opened.key, "what": what}),
-    )
-
-
 def _moved(recordings: Recordings, adjusted: AdjustedDrives, run: RunFolder, steps: RunSteps) -> Recordings:
     """Return the recordings with their points, path and poses corrected."""
     correction, opened = adjusted.correction, recordings.points
@@ -275,7 +266,7 @@ def _moved(recordings: Recordings, adjusted: AdjustedDrives, run: RunFolder, ste
 
     what = hashlib.sha256(correction.knot_s.tobytes() + correction.xyz_m.tobytes()).hexdigest()
     path = correction.moved(opened.trajectory)
-    points = _changed(opened, run.path / "adjusted", change, what, steps)
+    points = changed_points(opened, run.path / "adjusted", change, what, steps, "move points")
     assert points is not None
     points = replace(points, trajectory=path, path_hash=hash_path(path), facts=replace(
         opened.facts, bounds=points.facts.bounds))  # fmt: skip

@@ -6,17 +6,22 @@ Separate from `adjusted`, which says what is made when: this reads and writes po
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from linework.files.las.tally import TimeCounts
+from linework.files.output.replace import replacing_folder
+from linework.files.store.facts import facts_of_store
 from linework.files.store.layout import POINTS_SUFFIX, STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.files.store.write import StoreWriter, write_index
 from linework.model.grid import Bounds
 from linework.model.points import Points
-from linework.runs.steps import Advance
+from linework.runs.opened.points import OpenedSurvey
+from linework.runs.resume import fingerprint_of
+from linework.runs.steps import Advance, RunSteps
 
 
 def write_changed_store(
@@ -64,3 +69,37 @@ def write_changed_store(
         writer.abort()
         raise
     write_index(folder, runs, {**store.facts, "times": times.to_document()})
+
+
+def changed_points(
+    opened: OpenedSurvey,
+    folder: Path,
+    change: Callable[[Points], Points],
+    what: str,
+    steps: RunSteps,
+    step: str,
+) -> OpenedSurvey | None:
+    """Return a survey with points that a function makes of its own, in a store of their own; None without any.
+
+    Parameters
+    ----------
+    folder
+        Of the store: used as it is if it exists, as it is only there when it is whole.
+    what
+        Was changed: part of the key of the new survey.
+    step
+        Name of the step that is shown meanwhile.
+    """
+    if not folder.is_dir():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with replacing_folder(folder) as part, steps.step(step, unit="points") as advance:
+            write_changed_store(opened.points, part, change, advance)
+    points = PointStore.open(folder)
+    if not points.n_points:
+        return None
+    return replace(
+        opened,
+        points=points,
+        facts=facts_of_store(points),
+        key=fingerprint_of({"of": opened.key, "what": what}),
+    )

@@ -1,0 +1,227 @@
+"""Turns of a spinning lidar whose heights disagree: found in the tile store, and levelled before anything is looked for.
+
+Separate from `adjusted`, which makes whole drives agree at their lines: turns agree on the ground, before there are lines.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.files.store.layout import STORE_BLOCK_M
+from linework.files.store.read import PointStore
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.model.trajectory import Trajectory
+from linework.runs.drives.account import TurnsAccount
+from linework.runs.drives.stores import changed_points
+from linework.runs.opened.points import hash_path
+from linework.runs.opened.recordings import Recordings
+from linework.runs.resume import RunFolder
+from linework.runs.steps import Advance, RunSteps
+from linework.scanlines.sampled import pieces_to_sample
+from linework.scanlines.turn_heights import LEAST_TURNS, TURN_CELL_M, TurnCells, TurnPlanes, turn_planes
+
+#: Points of one time are those of one turn where times are this far apart: scanners turn up to 50 times a second. [s]
+_TURN_TIMES_S = 0.02
+#: Else a turn is what was seen within: lidars turn 5 to 20 times a second. [s]
+_TURN_S = 0.1
+#: More turns than this are taken together: their number bounds the memory of the adjustment, not that of points.
+_MOST_TURNS = 4000
+#: Means of a turn in a cell that are compared: cells are left out where there would be more.
+_MOST_CELLS = 1_000_000
+#: Side of the patches whose lowest tenth is taken for ground, in cells; higher above it than any kerb is no ground. [m]
+_PATCH_CELLS, _ABOVE_GROUND_M = 3, 0.25
+#: Fewest points of a turn in a cell.
+_LEAST_POINTS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TurnLevels:
+    """What each turn of a survey is too high.
+
+    Parameters
+    ----------
+    number
+        (t,) ascending: times divided by `length_s`, rounded down, of each turn.
+    origin
+        (2,) of the places in `planes`. [m, world]
+    """
+
+    length_s: float
+    number: IntArray
+    origin: FloatArray
+    planes: TurnPlanes
+
+    def too_high_m(self, time_s: FloatArray, xyz: FloatArray) -> FloatArray:
+        """Return by how much points (n, 3) [m, world] of times (n,) are too high, (n,) [m]."""
+        turn = _nearest(self.number, np.floor(time_s / self.length_s).astype(np.int64))
+        return self.planes.at(turn, xyz[:, :2] - self.origin)
+
+    def levelled(self, points: Points) -> Points:
+        """Return points at the heights at which turns agree."""
+        assert points.time_s is not None
+        xyz = points.xyz.copy()
+        xyz[:, 2] -= self.too_high_m(points.time_s, xyz)
+        return Points(
+            xyz, intensity=points.intensity, time_s=points.time_s, crs=points.crs, columns=points.columns
+        )
+
+    def levelled_path(self, path: Trajectory) -> Trajectory:
+        """Return a path at the heights at which turns agree."""
+        return replace(path, xyz=_lowered(path.xyz, self.too_high_m(path.time_s, path.xyz)))
+
+
+def level_turns(
+    recordings: Recordings, run: RunFolder, steps: RunSteps
+) -> tuple[Recordings, TurnsAccount | None]:
+    """Return recordings whose turns of a spinning lidar agree in height, and how; as they are where they do already.
+
+    Raises
+    ------
+    MachineError
+        The store cannot be read, or its copy cannot be written.
+
+    Notes
+    -----
+    Turns are levelled where they disagree by more than the noise with which they measure: the sum of them then hides what
+    each of them shows. The levelled points lie in a tile store of this run.
+    """
+    opened, stereo = recordings.points, recordings.stereo
+    if opened is None or not opened.points.has_time:
+        return recordings, None
+    with steps.step("compare turns", unit="points") as advance:
+        levels = turn_levels(opened.points, advance)
+    if levels is None:
+        return recordings, None
+    planes = levels.planes
+    what = f"turns {hashlib.sha256(planes.plane.tobytes()).hexdigest()}"
+    points = changed_points(opened, run.path / "levelled", levels.levelled, what, steps, "level turns")
+    assert points is not None
+    points = replace(points, facts=replace(opened.facts, bounds=points.facts.bounds))
+    if opened.trajectory is not None:
+        path = levels.levelled_path(opened.trajectory)
+        points = replace(points, trajectory=path, path_hash=hash_path(path))
+    if stereo is not None:
+        at = stereo.poses.xyz
+        poses = replace(stereo.poses, xyz=_lowered(at, levels.too_high_m(stereo.poses.time_s, at)))
+        stereo = replace(stereo, trajectory=levels.levelled_path(stereo.trajectory), poses=poses)
+    account = TurnsAccount(len(levels.number), planes.apart_m, planes.left_apart_m, planes.moved_m)
+    return replace(recordings, points=points, stereo=stereo), account
+
+
+def with_turns_sigma(lines: LineSet, account: TurnsAccount) -> LineSet:
+    """Return lines with sigmas in height that hold what turns cannot tell: how high all of them together are."""
+    return lines.with_columns(sigma_z_m=np.hypot(lines.sigma_z_m, account.moved_m)) if len(lines) else lines
+
+
+def turn_levels(store: PointStore, advance: Advance) -> TurnLevels | None:
+    """Return what the turns of a survey are too high; None where they agree, or no two of them measure one place.
+
+    Parameters
+    ----------
+    store
+        With times.
+    advance
+        Is told how many points were looked at.
+    """
+    blocks, counts = store.block_counts
+    if not store.n_points:
+        return None
+    origin = blocks[0] * STORE_BLOCK_M
+    pieces = [_of(store, piece) for piece in pieces_to_sample(blocks, counts)]
+    length_s = _turn_length_s([points for points in pieces if len(points)])
+    found = [_cells_of(points, origin, length_s, 1.0) for points in pieces]
+    n_sampled, cells = sum(map(len, pieces)), sum(len(of) for of in found)
+    if not any(len(of) and np.median(np.bincount(_dense(of.cell))) >= LEAST_TURNS for of in found):
+        return None
+    share = min(1.0, _MOST_CELLS / (cells / n_sampled * store.n_points))
+    parts, done = [], 0
+    for (east, north), n in zip((blocks * STORE_BLOCK_M).tolist(), counts.tolist(), strict=True):
+        points = _of(store, Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M))
+        parts.append(_cells_of(points, origin, length_s, share))
+        done += n
+        advance(done, store.n_points)
+    every = TurnCells.concatenate(parts)
+    number, turn = np.unique(every.turn, return_inverse=True)
+    together = -(-len(number) // _MOST_TURNS)
+    planes = turn_planes(replace(every, turn=(turn // together).astype(np.int64)))
+    if planes is None or planes.apart_m**2 - planes.left_apart_m**2 <= planes.left_apart_m**2:
+        return None
+    if together > 1:
+        each = np.arange(len(number)) // together
+        planes = replace(planes, centre=planes.centre[each], plane=planes.plane[each])
+    return TurnLevels(length_s, number, np.asarray(origin, dtype=np.float64), planes)
+
+
+def _of(store: PointStore, bounds: Bounds) -> Points:
+    return store.points(bounds, with_intensity=False, with_columns=False)
+
+
+def _turn_length_s(pieces: list[Points]) -> float:
+    """Return the length of what is taken for a turn: half the spacing of times that are as far apart as turns, or 0.1 s."""
+    times = np.unique(np.concatenate([points.time_s for points in pieces if points.time_s is not None]))
+    spacing = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    return 0.5 * spacing if spacing >= _TURN_TIMES_S else _TURN_S
+
+
+def _cells_of(points: Points, origin: FloatArray, length_s: float, share: float) -> TurnCells:
+    """Return the mean heights of the turns in the cells of a block, in a share of its patches."""
+    xyz, time = points.xyz - [*origin, 0.0], points.time_s
+    assert time is not None
+    place = np.floor(xyz[:, :2] / TURN_CELL_M).astype(np.int64)
+    patch = _joint(place // _PATCH_CELLS)
+    kept = np.flatnonzero(_is_drawn(patch, share))
+    kept = kept[_is_low(xyz[kept, 2], patch[kept])]
+    cell, turn = _joint(place[kept]), np.floor(time[kept] / length_s).astype(np.int64)
+    order = np.lexsort((turn, cell))
+    xyz, cell, turn = xyz[kept][order], cell[order], turn[order]
+    start = (
+        np.flatnonzero(np.r_[True, (np.diff(cell) != 0) | (np.diff(turn) != 0)])
+        if len(cell)
+        else np.zeros(0, int)
+    )
+    n = np.diff(np.r_[start, len(cell)])
+    enough = n >= _LEAST_POINTS
+    means = np.add.reduceat(xyz, start, axis=0)[enough] / n[enough, None] if len(cell) else np.zeros((0, 3))
+    return TurnCells(turn[start][enough], cell[start][enough], means)
+
+
+def _is_low(z: FloatArray, patch: IntArray) -> AnyArray:
+    """Return which heights are no more than a kerb above the lowest tenth of their patch."""
+    order = np.lexsort((z, patch))
+    start = np.flatnonzero(np.r_[True, np.diff(patch[order]) != 0]) if len(z) else np.zeros(0, int)
+    n = np.diff(np.r_[start, len(z)])
+    low: FloatArray = np.empty(len(z))
+    low[order] = np.repeat(z[order][start + n // 10], n)
+    return np.asarray(np.abs(z - low) <= _ABOVE_GROUND_M)
+
+
+def _joint(place: IntArray) -> IntArray:
+    """Return one number for each pair of numbers (n, 2)."""
+    return np.asarray(place[:, 0] * (1 << 32) + place[:, 1], dtype=np.int64)
+
+
+def _is_drawn(number: IntArray, share: float) -> AnyArray:
+    """Return which numbers belong to a share of all: the same ones in any block and order (Fibonacci hashing)."""
+    mixed = number.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    return np.asarray((mixed >> np.uint64(32)).astype(np.float64) < share * 2.0**32)
+
+
+def _dense(number: IntArray) -> IntArray:
+    return np.unique(number, return_inverse=True)[1].astype(np.int64)
+
+
+def _nearest(numbers: IntArray, wanted: IntArray) -> IntArray:
+    """Return where in ascending numbers the nearest to each wanted one stands."""
+    after = np.clip(np.searchsorted(numbers, wanted), 1, len(numbers) - 1)
+    return after - (wanted - numbers[after - 1] < numbers[after] - wanted)
+
+
+def _lowered(xyz: FloatArray, by_m: FloatArray) -> FloatArray:
+    """Return places (n, 3) lower by (n,) [m]."""
+    return np.asarray(xyz - np.multiply.outer(by_m, [0.0, 0.0, 1.0]))

@@ -1,0 +1,91 @@
+"""Turns of a spinning lidar that disagree in height are levelled before lines are looked for."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.oracles.store_twin import made
+from tests.scenes.turning_lidar import KERB_Y_M, street_m, turned_street
+from typer.testing import CliRunner
+
+import linework
+from linework.cli.app import app
+from linework.files.las.write import write_las
+from linework.runs.drives import turns
+from linework.runs.drives.turns import turn_levels
+
+
+def levels_of(tmp_path, points):
+    store = made(tmp_path / "store", [(points.xyz, points.intensity.astype(np.uint16), points.time_s)])
+    return turn_levels(store, lambda done, total: None)
+
+
+@pytest.mark.parametrize("spread_s", [0.0, 0.0999])
+def test_levelled_points_show_the_street(tmp_path, spread_s):
+    points, too_high = turned_street(1)
+    # Times of each point's own: a turn is a tenth of a second
+    time = points.time_s + np.random.default_rng(0).uniform(0.0, 1.0, len(points)) * spread_s
+    levels = levels_of(
+        tmp_path, linework.Points(points.xyz, intensity=points.intensity, time_s=time, crs="local")
+    )
+    level = levels.levelled(points)
+    off = level.xyz[:, 2] - 60.0 - street_m(points.xyz[:, 1] - 5_800_000.0)
+    assert np.std(too_high) > 0.05
+    assert np.std(off) < 0.016
+    assert levels.planes.apart_m > 0.04
+    assert levels.planes.left_apart_m < 0.012
+    assert np.array_equal(level.xyz[:, :2], points.xyz[:, :2])
+
+
+def test_turns_that_agree_stay_as_they_were_recorded(tmp_path):
+    points, _ = turned_street(2, apart_m=0.001, tilt=0.0)
+    assert levels_of(tmp_path, points) is None
+
+
+def test_a_profile_scanner_has_nothing_to_level(tmp_path):
+    points, _ = turned_street(3)
+    # Each place is seen once: at the time when the van is beside it
+    time = 1000.0 + 0.2 * (points.xyz[:, 0] - points.xyz[:, 0].min())
+    alone = linework.Points(points.xyz, intensity=points.intensity, time_s=time, crs="local")
+    assert levels_of(tmp_path, alone) is None
+
+
+def test_few_cells_and_turns_taken_together_do_as_well(tmp_path, monkeypatch):
+    monkeypatch.setattr(turns, "_MOST_CELLS", 4000)
+    points, _ = turned_street(4)
+    levels = levels_of(tmp_path, points)
+    off = levels.levelled(points).xyz[:, 2] - 60.0 - street_m(points.xyz[:, 1] - 5_800_000.0)
+    assert np.std(off) < 0.02
+    monkeypatch.setattr(turns, "_MOST_TURNS", 40)
+    together = levels_of(tmp_path / "two", points)
+    assert len(together.number) == len(levels.number)
+    assert np.array_equal(together.planes.plane[0], together.planes.plane[1])
+
+
+def test_kerbs_are_found_that_no_sum_of_turns_shows(tmp_path):
+    points, _ = turned_street(5)
+    write_las(points, tmp_path / "street.las", crs="local")
+    output = tmp_path / "lines.gpkg"
+    command = [
+        "extract",
+        str(tmp_path / "street.las"),
+        "--crs",
+        "local",
+        "--features",
+        "road_boundary",
+        "-o",
+        str(output),
+    ]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    assert "60 turns of the scanner levelled" in result.output
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["turns"]["left_apart_m"] < 0.012
+    found = linework.read_lines(output)
+    kerbs = found.take(found.form == "kerb")
+    assert kerbs.length_m.sum() > 60.0
+    assert np.median(np.abs(np.abs(kerbs.xyz[:, 1] - 5_800_000.0) - KERB_Y_M)) < 0.05
+    assert (kerbs.sigma_z_m > 0.9 * record["turns"]["moved_m"]).all()
+
+    recorded = linework.extract(points, kinds="road_boundary", adjust=False)
+    assert recorded.take(recorded.form == "kerb").length_m.sum() < 0.3 * kerbs.length_m.sum()
