@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import linework
 from linework.cli.app import app
+from linework.errors import LineworkWarning
 from linework.files.las.write import write_las
 from linework.runs.drives import turns
 from linework.runs.drives.turns import turn_levels
@@ -87,5 +88,6 @@ def test_kerbs_are_found_that_no_sum_of_turns_shows(tmp_path):
     assert np.median(np.abs(np.abs(kerbs.xyz[:, 1] - 5_800_000.0) - KERB_Y_M)) < 0.05
     assert (kerbs.sigma_z_m > 0.9 * record["turns"]["moved_m"]).all()
 
-    recorded = linework.extract(points, kinds="road_boundary", adjust=False)
+    with pytest.warns(LineworkWarning, match="not taken for road"):
+        recorded = linework.extract(points, kinds="road_boundary", adjust=False)
     assert recorded.take(recorded.form == "kerb").length_m.sum() < 0.3 * kerbs.length_m.sum()

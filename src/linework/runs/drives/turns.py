@@ -139,6 +139,9 @@ def turn_levels(store: PointStore, advance: Advance) -> TurnLevels | None:
     n_sampled, cells = sum(map(len, pieces)), sum(len(of) for of in found)
     if not any(len(of) and np.median(np.bincount(_dense(of.cell))) >= LEAST_TURNS for of in found):
         return None
+    # Turns that agree in pieces of a survey agree: most surveys need no more than those
+    if not any(_disagree(turn_planes(_dense_turns(of, 1)[1])) for of in found):
+        return None
     share = min(1.0, _MOST_CELLS / (cells / n_sampled * store.n_points))
     parts, done = [], 0
     for (east, north), n in zip((blocks * STORE_BLOCK_M).tolist(), counts.tolist(), strict=True):
@@ -147,15 +150,25 @@ def turn_levels(store: PointStore, advance: Advance) -> TurnLevels | None:
         done += n
         advance(done, store.n_points)
     every = TurnCells.concatenate(parts)
-    number, turn = np.unique(every.turn, return_inverse=True)
-    together = -(-len(number) // _MOST_TURNS)
-    planes = turn_planes(replace(every, turn=(turn // together).astype(np.int64)))
-    if planes is None or planes.apart_m**2 - planes.left_apart_m**2 <= planes.left_apart_m**2:
+    together = -(-len(np.unique(every.turn)) // _MOST_TURNS)
+    number, numbered = _dense_turns(every, together)
+    planes = turn_planes(numbered)
+    if planes is None or not _disagree(planes):
         return None
-    if together > 1:
-        each = np.arange(len(number)) // together
-        planes = replace(planes, centre=planes.centre[each], plane=planes.plane[each])
+    each = np.arange(len(number)) // together
+    planes = replace(planes, centre=planes.centre[each], plane=planes.plane[each])
     return TurnLevels(length_s, number, np.asarray(origin, dtype=np.float64), planes)
+
+
+def _disagree(planes: TurnPlanes | None) -> bool:
+    """Return whether turns are farther apart than the noise that is left when they are levelled."""
+    return planes is not None and planes.apart_m**2 - planes.left_apart_m**2 > planes.left_apart_m**2
+
+
+def _dense_turns(cells: TurnCells, together: int) -> tuple[IntArray, TurnCells]:
+    """Return the numbers of turns in order, and cells with turns numbered from 0, so many of them taken for one."""
+    number, turn = np.unique(cells.turn, return_inverse=True)
+    return number, replace(cells, turn=(turn // together).astype(np.int64))
 
 
 def _of(store: PointStore, bounds: Bounds) -> Points:
