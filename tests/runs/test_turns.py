@@ -46,6 +46,24 @@ def test_levelled_points_show_the_street(tmp_path, spread_s):
     assert np.array_equal(level.xyz[:, :2], points.xyz[:, :2])
 
 
+def test_what_passed_is_left_out(tmp_path):
+    points, _ = turned_street(6, n_rings=50, rings_deg=0.4)
+    xyz, time = points.xyz.copy(), points.time_s
+    # A van drives ahead, 2 m wide, 4 m long, from the middle of the street on
+    van = 500_000.0 + 6.0 * (time - 1000.0) + 8.0
+    away = xyz - np.array([0.0, 5_800_000.0, 0.0])
+    is_van = (
+        (np.abs(away[:, 0] - van) < 2.0) & (np.abs(away[:, 1] - 1.0) < 1.0) & (np.arange(len(xyz)) % 2 == 0)
+    )
+    xyz[is_van, 2] += 0.9
+    ahead = linework.Points(xyz, intensity=points.intensity, time_s=time, crs="local")
+    level = levels_of(tmp_path, ahead).levelled(ahead)
+    high = level.xyz[:, 2] > 60.5
+    assert is_van.sum() > 4000
+    assert high.sum() < 0.25 * is_van.sum()
+    assert len(level) - high.sum() > 0.999 * (~is_van).sum()
+
+
 def test_turns_that_agree_stay_as_they_were_recorded(tmp_path):
     points, _ = turned_street(2, apart_m=0.001, tilt=0.0)
     assert levels_of(tmp_path, points) is None

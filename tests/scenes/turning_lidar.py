@@ -13,11 +13,11 @@ def street_m(y):
     return np.where(np.abs(y) > KERB_Y_M, KERB_M, -0.02 * np.abs(y))
 
 
-def turned_street(seed, *, apart_m=0.04, tilt=0.004, n_turns=60, n_rings=24, noise_m=0.008):
+def turned_street(seed, *, apart_m=0.04, tilt=0.004, n_turns=60, n_rings=24, rings_deg=1.0, noise_m=0.008):
     """Return the points, and by how much each is too high; all points of a turn have one time."""
     rng = np.random.default_rng(seed)
-    # Rings of beams 1 degree apart, 1.8 m above the road, with a point every half degree
-    rings = 1.8 / np.tan(np.radians(4.0 + np.arange(n_rings)))
+    # Rings of beams, 1.8 m above the road, with a point every half degree
+    rings = 1.8 / np.tan(np.radians(4.0 + rings_deg * np.arange(n_rings)))
     away, azimuth = (grid.ravel() for grid in np.meshgrid(rings, np.radians(np.arange(0.0, 360.0, 0.5))))
     turn, away, azimuth = (
         np.repeat(np.arange(n_turns), len(away)),

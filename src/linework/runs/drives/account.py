@@ -88,24 +88,28 @@ class TurnsAccount:
         Standard deviation of the heights of turns to the mean of all, before and after. [m]
     moved_m
         Root mean square of what the mean of all turns moved. [m]
+    n_passing
+        Points that were left out, of things that passed while the scanner looked.
 
     Examples
     --------
-    >>> TurnsAccount(154, 0.055, 0.01, 0.075).summary
-    '154 turns of the scanner levelled: 5.5 cm apart in height, 1.0 cm after'
+    >>> TurnsAccount(154, 0.055, 0.01, 0.075, 2480).summary
+    '154 turns of the scanner levelled: 5.5 cm apart in height, 1.0 cm after; without 2,480 points of what passed'
     """
 
     n_turns: int
     apart_m: float
     left_apart_m: float
     moved_m: float
+    n_passing: int
 
     @property
     def summary(self) -> str:
         """One line."""
+        passing = f"; without {self.n_passing:,} points of what passed" if self.n_passing else ""
         return (
             f"{self.n_turns} turns of the scanner levelled: {100 * self.apart_m:.1f} cm apart in height,"
-            f" {100 * self.left_apart_m:.1f} cm after"
+            f" {100 * self.left_apart_m:.1f} cm after{passing}"
         )
 
     def as_document(self) -> dict[str, Any]:

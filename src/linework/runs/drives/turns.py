@@ -23,6 +23,7 @@ from linework.runs.opened.points import hash_path
 from linework.runs.opened.recordings import Recordings
 from linework.runs.resume import RunFolder
 from linework.runs.steps import Advance, RunSteps
+from linework.scanlines.passing import is_passing
 from linework.scanlines.sampled import pieces_to_sample
 from linework.scanlines.turn_heights import LEAST_TURNS, TURN_CELL_M, TurnCells, TurnPlanes, turn_planes
 
@@ -63,13 +64,21 @@ class TurnLevels:
         return self.planes.at(turn, xyz[:, :2] - self.origin)
 
     def levelled(self, points: Points) -> Points:
-        """Return points at the heights at which turns agree."""
+        """Return points at the heights at which turns agree, without those of what passed meanwhile.
+
+        Parameters
+        ----------
+        points
+            All of an area whose edges are whole multiples of `TURN_CELL_M`.
+        """
         assert points.time_s is not None
-        xyz = points.xyz.copy()
-        xyz[:, 2] -= self.too_high_m(points.time_s, xyz)
-        return Points(
+        xyz = _lowered(points.xyz, self.too_high_m(points.time_s, points.xyz))
+        cell = _joint(_places(xyz, self.origin))
+        stays = ~is_passing(xyz[:, 2], cell, np.floor(points.time_s / self.length_s).astype(np.int64))
+        level = Points(
             xyz, intensity=points.intensity, time_s=points.time_s, crs=points.crs, columns=points.columns
         )
+        return level.take(stays)
 
     def levelled_path(self, path: Trajectory) -> Trajectory:
         """Return a path at the heights at which turns agree."""
@@ -89,7 +98,7 @@ def level_turns(
     Notes
     -----
     Turns are levelled where they disagree by more than the noise with which they measure: the sum of them then hides what
-    each of them shows. The levelled points lie in a tile store of this run.
+    each of them shows. What passed while the scanner looked is left out. The levelled points lie in a tile store of this run.
     """
     opened, stereo = recordings.points, recordings.stereo
     if opened is None or not opened.points.has_time:
@@ -110,7 +119,8 @@ def level_turns(
         at = stereo.poses.xyz
         poses = replace(stereo.poses, xyz=_lowered(at, levels.too_high_m(stereo.poses.time_s, at)))
         stereo = replace(stereo, trajectory=levels.levelled_path(stereo.trajectory), poses=poses)
-    account = TurnsAccount(len(levels.number), planes.apart_m, planes.left_apart_m, planes.moved_m)
+    n_passing = opened.points.n_points - points.points.n_points
+    account = TurnsAccount(len(levels.number), planes.apart_m, planes.left_apart_m, planes.moved_m, n_passing)
     return replace(recordings, points=points, stereo=stereo), account
 
 
@@ -166,7 +176,7 @@ def _disagree(planes: TurnPlanes | None) -> bool:
 
 
 def _dense_turns(cells: TurnCells, together: int) -> tuple[IntArray, TurnCells]:
-    """Return the numbers of turns in order, and cells with turns numbered from 0, so many of them taken for one."""
+    """Return the numbers of turns in order, and cells with groups of `together` turns counted from 0."""
     number, turn = np.unique(cells.turn, return_inverse=True)
     return number, replace(cells, turn=(turn // together).astype(np.int64))
 
@@ -186,7 +196,7 @@ def _cells_of(points: Points, origin: FloatArray, length_s: float, share: float)
     """Return the mean heights of the turns in the cells of a block, in a share of its patches."""
     xyz, time = points.xyz - [*origin, 0.0], points.time_s
     assert time is not None
-    place = np.floor(xyz[:, :2] / TURN_CELL_M).astype(np.int64)
+    place = _places(points.xyz, origin)
     patch = _joint(place // _PATCH_CELLS)
     kept = np.flatnonzero(_is_drawn(patch, share))
     kept = kept[_is_low(xyz[kept, 2], patch[kept])]
@@ -212,6 +222,11 @@ def _is_low(z: FloatArray, patch: IntArray) -> AnyArray:
     low: FloatArray = np.empty(len(z))
     low[order] = np.repeat(z[order][start + n // 10], n)
     return np.asarray(np.abs(z - low) <= _ABOVE_GROUND_M)
+
+
+def _places(xyz: FloatArray, origin: FloatArray) -> IntArray:
+    """Return the numbers east and north of the cells of points, (n, 2)."""
+    return np.floor((xyz[:, :2] - origin) / TURN_CELL_M).astype(np.int64)
 
 
 def _joint(place: IntArray) -> IntArray:
