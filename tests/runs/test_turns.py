@@ -77,6 +77,42 @@ def test_a_profile_scanner_has_nothing_to_level(tmp_path):
     assert levels_of(tmp_path, alone) is None
 
 
+@pytest.mark.parametrize("speed", [0.0, 0.4])
+def test_a_profile_scanner_at_walking_speed_uphill_is_left_alone(tmp_path, speed):
+    rng = np.random.default_rng(9)
+    time = np.sort(rng.uniform(0.0, 20.0, 120_000))
+    x, y = speed * time + rng.normal(0.0, 0.01, len(time)), rng.uniform(-8.0, 8.0, len(time))
+    xyz = np.stack([x + 5.0, y + 20.0, 0.08 * x + rng.normal(0.0, 0.003, len(x))], axis=1)
+    slow = linework.Points(xyz, intensity=np.full(len(x), 9.0, np.float32), time_s=time, crs="local")
+    assert levels_of(tmp_path, slow) is None
+
+
+def test_surveys_without_turns_are_left_alone(tmp_path):
+    points, _ = turned_street(7, n_turns=12)
+    at_once = points.time_s * 0.0 + 5.0
+    stations = 1000.0 + np.floor((points.time_s - 1000.0) * 10.0 + 0.5) * 300.0
+    for name, time in (("one", at_once), ("stations", stations)):
+        still = linework.Points(points.xyz, intensity=points.intensity, time_s=time, crs="local")
+        assert levels_of(tmp_path / name, still) is None
+    # Along a border of blocks the middles of the blocks are empty
+    xyz = points.xyz - [500_000.0, 5_800_000.0, 0.0]
+    narrow = np.abs(xyz[:, 1]) < 4.0
+    border = linework.Points(
+        xyz[narrow] + [0.0, 64.0, 0.0],
+        intensity=points.intensity[narrow],
+        time_s=points.time_s[narrow],
+        crs="local",
+    )
+    levels_of(tmp_path / "border", border)
+
+
+def test_slopes_hold_no_farther_than_what_a_turn_saw(tmp_path):
+    points, _ = turned_street(8)
+    levels = levels_of(tmp_path, points)
+    far = np.array([[500_000.0 + 4000.0, 5_800_000.0, 60.0]] * 2)
+    assert np.abs(levels.too_high_m(np.array([1000.0, 1099.0]), far)).max() < 0.5
+
+
 def test_few_cells_and_turns_taken_together_do_as_well(tmp_path, monkeypatch):
     monkeypatch.setattr(turns, "_MOST_CELLS", 4000)
     points, _ = turned_street(4)
@@ -111,7 +147,7 @@ def test_kerbs_are_found_that_no_sum_of_turns_shows(tmp_path):
     kerbs = found.take(found.form == "kerb")
     assert kerbs.length_m.sum() > 60.0
     assert np.median(np.abs(np.abs(kerbs.xyz[:, 1] - 5_800_000.0) - KERB_Y_M)) < 0.05
-    assert (kerbs.sigma_z_m > 0.9 * record["turns"]["moved_m"]).all()
+    assert (kerbs.sigma_z_m > 0.9 * record["turns"]["common_sigma_m"]).all()
 
     with pytest.warns(LineworkWarning, match="not taken for road"):
         recorded = linework.extract(points, kinds="road_boundary", adjust=False)

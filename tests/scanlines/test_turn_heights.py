@@ -27,7 +27,7 @@ def test_planes_are_found_to_the_noise():
         assert np.std(at - truth[:, i]) < 0.002
     assert found.apart_m > 0.05
     assert 0.004 < found.left_apart_m < 0.006
-    assert found.moved_m < 0.02
+    assert found.common_sigma_m < 0.03
 
 
 def test_what_is_no_ground_moves_nothing():

@@ -24,7 +24,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.model.columns import Columns, column
 
 #: Side of the cells in which turns are compared: smaller than gutters and ramps, with three points of a turn up to some
@@ -32,6 +32,14 @@ from linework.model.columns import Columns, column
 TURN_CELL_M = 0.4
 #: A cell is compared where this many turns saw it: with fewer, what is left of their differences says little.
 LEAST_TURNS = 5
+#: Turns of a cell that are compared, evenly chosen from all: more say little more, and cost their square.
+_MOST_IN_CELL = 24
+#: What a turn saw spreads this far across (standard deviation), or it is no turn of a lidar but some lines of a profile
+#: scanner, whose neighbours differ in a cell by the slope of the road and not in height. One that goes so fast that a tenth
+#: of a second spreads as far is over a cell in less. [m]
+_LEAST_SPREAD_M = 0.5
+#: Slopes of a turn hold this many times as far as its cells spread: beyond, what it saw moves as if it were there.
+_REACH = 3.0
 #: Standard deviation of recorded heights against which the mean of all turns is held: phase GNSS at its best. [m]
 RECORDED_SIGMA_M = 0.03
 #: From one turn to the next, height and slopes change by about so much; it only matters for turns that saw little: a van's
@@ -68,26 +76,30 @@ class TurnPlanes:
 
     Parameters
     ----------
-    centre
-        (t, 2) middle of what each turn saw; NaN for turns without a cell. [m, local]
+    centre, reach_m
+        (t, 2) middle of what each turn saw, and (t,) how far from there its slopes hold. [m, local]
     plane
         (t, 3) height there [m], and slopes to the east and to the north.
     apart_m, left_apart_m
         Differences of turns to the mean of all, as a standard deviation by their median: recorded, and without the
         planes. [m]
-    moved_m
-        Root mean square of what the mean of all turns moves at a cell: of that nothing is known. [m]
+    common_sigma_m
+        Standard deviation of what the turns of a place have in common, of which comparing them says nothing: how far their
+        mean moves (root mean square), and how far the mean of so many turns is off, each as far as they are apart. [m]
     """
 
     centre: FloatArray
+    reach_m: FloatArray
     plane: FloatArray
     apart_m: float
     left_apart_m: float
-    moved_m: float
+    common_sigma_m: float
 
     def at(self, turn: IntArray, xy: FloatArray) -> FloatArray:
         """Return how much too high turns (n,) are at places (n, 2) [m, local], (n,) [m]."""
         away = xy - self.centre[turn]
+        far = np.hypot(*away.T) / np.maximum(self.reach_m[turn], 1e-9)
+        away /= np.maximum(far, 1.0)[:, None]
         return np.asarray(self.plane[turn, 0] + np.einsum("ij,ij->i", away, self.plane[turn, 1:]))
 
 
@@ -101,12 +113,14 @@ def turn_planes(cells: TurnCells) -> TurnPlanes | None:
     """
     n_turns = int(cells.turn.max()) + 1 if len(cells) else 0
     _, number, n_seen = np.unique(cells.cell, return_inverse=True, return_counts=True)
-    seen = n_seen[number] >= LEAST_TURNS
+    seen = (n_seen[number] >= LEAST_TURNS) & _is_chosen(number, cells.turn, n_seen)
     at = np.unique(number[seen], return_inverse=True)[1].astype(np.int64)
     turn, xyz = cells.turn[seen], cells.xyz[seen]
     if len(at) <= 3 * n_turns or n_turns < LEAST_TURNS:
         return None
-    centre = _centres(turn, xyz, n_turns)
+    centre, spread = _centres(turn, xyz, n_turns)
+    if np.median(spread[turn, 0]) < _LEAST_SPREAD_M:
+        return None
     away = xyz[:, :2] - centre[turn]
     rows = np.tile(np.arange(len(turn)), 3)
     A = sparse.csr_matrix(
@@ -131,8 +145,18 @@ def turn_planes(cells: TurnCells) -> TurnPlanes | None:
         # Of a kerb, a car, and whatever else is no level ground: Cauchy
         weight = 1.0 / (1.0 + (residual / (2.0 * scale)) ** 2)
     mean = np.bincount(at, weight * (A @ found)) / np.bincount(at, weight)
-    moved = float(np.sqrt(np.mean(mean**2)))
-    return TurnPlanes(centre, found.reshape(-1, 3), apart, scale, moved)
+    common = float(np.sqrt(np.mean(mean**2) + apart**2 / np.median(n_seen[n_seen >= LEAST_TURNS])))
+    return TurnPlanes(centre, _REACH * spread[:, 1], found.reshape(-1, 3), apart, scale, common)
+
+
+def _is_chosen(cell: IntArray, turn: IntArray, n_seen: IntArray) -> AnyArray:
+    """Return which looks are compared: of a cell that more turns saw, evenly spaced ones in time."""
+    order = np.lexsort((turn, cell))
+    start = offsets_of(n_seen)
+    rank: IntArray = np.empty(len(cell), np.int64)
+    rank[order] = np.arange(len(cell)) - start[cell[order]]
+    step = np.maximum(1, -(-n_seen // _MOST_IN_CELL))
+    return np.asarray(rank % step[cell] == 0)
 
 
 def _less_mean(z: FloatArray, at: IntArray, weight: FloatArray) -> FloatArray:
@@ -144,12 +168,22 @@ def _spread(residual: FloatArray) -> float:
     return 1.4826 * float(np.median(np.abs(residual)))
 
 
-def _centres(turn: IntArray, xyz: FloatArray, n_turns: int) -> FloatArray:
-    """Return the mean place of each turn's cells, (t, 2); of a turn without any that of the turns beside it."""
+def _centres(turn: IntArray, xyz: FloatArray, n_turns: int) -> tuple[FloatArray, FloatArray]:
+    """Return the mean place of each turn's cells, (t, 2), and their least and greatest standard deviation, (t, 2) [m].
+
+    Of a turn without any, those of the turns beside it.
+    """
     n = np.bincount(turn, minlength=n_turns)
     has = np.flatnonzero(n)
-    means = [np.bincount(turn, xyz[:, i], n_turns)[has] / n[has] for i in (0, 1)]
-    return np.stack([np.interp(np.arange(n_turns), has, mean) for mean in means], axis=1)
+    sums = [np.bincount(turn, weights, n_turns)[has] / n[has] for weights in xyz[:, :2].T]
+    centre = np.stack([np.interp(np.arange(n_turns), has, mean) for mean in sums], axis=1)
+    x, y = (xyz[:, :2] - centre[turn]).T
+    xx, yy, xy = (np.bincount(turn, weights, n_turns)[has] / n[has] for weights in (x * x, y * y, x * y))
+    mean, half = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    spread = [
+        np.interp(np.arange(n_turns), has, np.sqrt(np.maximum(v, 0.0))) for v in (mean - half, mean + half)
+    ]
+    return centre, np.stack(spread, axis=1)
 
 
 def _prior(n_turns: int) -> AnyArray:

@@ -86,8 +86,8 @@ class TurnsAccount:
         Turns, or stretches of time.
     apart_m, left_apart_m
         Standard deviation of the heights of turns to the mean of all, before and after. [m]
-    moved_m
-        Root mean square of what the mean of all turns moved. [m]
+    common_sigma_m
+        Standard deviation of what the turns of a place have in common. [m]
     n_passing
         Points that were left out, of things that passed while the scanner looked.
 
@@ -100,7 +100,7 @@ class TurnsAccount:
     n_turns: int
     apart_m: float
     left_apart_m: float
-    moved_m: float
+    common_sigma_m: float
     n_passing: int
 
     @property

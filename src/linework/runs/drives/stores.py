@@ -5,7 +5,7 @@ Separate from `adjusted`, which says what is made when: this reads and writes po
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,11 +23,14 @@ from linework.runs.opened.points import OpenedSurvey
 from linework.runs.resume import fingerprint_of
 from linework.runs.steps import Advance, RunSteps
 
+#: Points of an area that are taken into memory at once, if they lie evenly: as many as of a large tile.
+_MOST_POINTS = 5_000_000
+
 
 def write_changed_store(
     store: PointStore, folder: Path, change: Callable[[Points], Points], advance: Advance
 ) -> None:
-    """Write a tile store of the points that a function makes of those of each block.
+    """Write a tile store of the points that a function makes of those of each area.
 
     Parameters
     ----------
@@ -45,16 +48,16 @@ def write_changed_store(
 
     Notes
     -----
-    Blocks are read in their fixed order, and their points in canonical order: the same points give the same bytes. What the
+    Areas are read in their fixed order, and their points in canonical order: the same points give the same bytes. What the
     facts say of the files stays; times are counted again.
     """
     writer, times = StoreWriter(folder / f"0{POINTS_SUFFIX}"), TimeCounts()
     done, names = 0, store.columns
     try:
-        blocks, counts = store.block_counts
-        for (east, north), n in zip((blocks * STORE_BLOCK_M).tolist(), counts.tolist(), strict=True):
-            points = change(store.points(Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)))
-            done += n
+        for area in small_areas(store):
+            recorded = store.points(area)
+            points = change(recorded)
+            done += len(recorded)
             advance(done, store.n_points)
             if not len(points) or points.time_s is None:
                 continue
@@ -69,6 +72,21 @@ def write_changed_store(
         writer.abort()
         raise
     write_index(folder, runs, {**store.facts, "times": times.to_document()})
+
+
+def small_areas(store: PointStore) -> Iterator[Bounds]:
+    """Yield areas that together hold all points of a store: its blocks, quartered until few points are in a quarter.
+
+    Their edges are whole multiples of 8 m, so that memory is bounded where a scanner stood for minutes.
+    """
+    blocks, counts = store.block_counts
+    for (east, north), n in zip((blocks * STORE_BLOCK_M).tolist(), counts.tolist(), strict=True):
+        n_side = next((k for k in (1, 2, 4) if n <= _MOST_POINTS * k**2), 8)
+        side = STORE_BLOCK_M / n_side
+        for i in range(n_side):
+            for j in range(n_side):
+                west, south = east + i * side, north + j * side
+                yield Bounds(west, south, west + side, south + side)
 
 
 def changed_points(

@@ -16,10 +16,8 @@ from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
-from linework.model.trajectory import Trajectory
 from linework.runs.drives.account import TurnsAccount
-from linework.runs.drives.stores import changed_points
-from linework.runs.opened.points import hash_path
+from linework.runs.drives.stores import changed_points, small_areas
 from linework.runs.opened.recordings import Recordings
 from linework.runs.resume import RunFolder
 from linework.runs.steps import Advance, RunSteps
@@ -27,16 +25,20 @@ from linework.scanlines.passing import is_passing
 from linework.scanlines.sampled import pieces_to_sample
 from linework.scanlines.turn_heights import LEAST_TURNS, TURN_CELL_M, TurnCells, TurnPlanes, turn_planes
 
-#: Points of one time are those of one turn where times are this far apart: scanners turn up to 50 times a second. [s]
-_TURN_TIMES_S = 0.02
+#: Points of one time are those of one turn where times are this far apart: scanners turn 1 to 50 times a second. Stations
+#: of a terrestrial scanner, each with one time, are minutes apart: they are no turns. [s]
+_TURN_TIMES_S, _LONGEST_TURN_S = 0.02, 1.0
 #: Else a turn is what was seen within: lidars turn 5 to 20 times a second. [s]
 _TURN_S = 0.1
 #: More turns than this are taken together: their number bounds the memory of the adjustment, not that of points.
-_MOST_TURNS = 4000
+#: Of a scanner at rest, all turns see the same cells, and the equations are dense.
+_MOST_TURNS = 1500
+#: Turns farther apart than this are not taken together: the scanner was off, or elsewhere. [s]
+_PAUSE_S = 2.0
 #: Means of a turn in a cell that are compared: cells are left out where there would be more.
 _MOST_CELLS = 1_000_000
 #: Side of the patches whose lowest tenth is taken for ground, in cells; higher above it than any kerb is no ground. [m]
-_PATCH_CELLS, _ABOVE_GROUND_M = 3, 0.25
+_PATCH_CELLS, _ABOVE_GROUND_M = 4, 0.25
 #: Fewest points of a turn in a cell.
 _LEAST_POINTS = 3
 
@@ -80,10 +82,6 @@ class TurnLevels:
         )
         return level.take(stays)
 
-    def levelled_path(self, path: Trajectory) -> Trajectory:
-        """Return a path at the heights at which turns agree."""
-        return replace(path, xyz=_lowered(path.xyz, self.too_high_m(path.time_s, path.xyz)))
-
 
 def level_turns(
     recordings: Recordings, run: RunFolder, steps: RunSteps
@@ -98,9 +96,9 @@ def level_turns(
     Notes
     -----
     Turns are levelled where they disagree by more than the noise with which they measure: the sum of them then hides what
-    each of them shows. What passed while the scanner looked is left out. The levelled points lie in a tile store of this run.
+    each of them shows. Path and images stay: beams that are off in elevation tilt turns as a wrong path does. What passed while the scanner looked is left out. The levelled points lie in a tile store of this run.
     """
-    opened, stereo = recordings.points, recordings.stereo
+    opened = recordings.points
     if opened is None or not opened.points.has_time:
         return recordings, None
     with steps.step("compare turns", unit="points") as advance:
@@ -112,21 +110,20 @@ def level_turns(
     points = changed_points(opened, run.path / "levelled", levels.levelled, what, steps, "level turns")
     assert points is not None
     points = replace(points, facts=replace(opened.facts, bounds=points.facts.bounds))
-    if opened.trajectory is not None:
-        path = levels.levelled_path(opened.trajectory)
-        points = replace(points, trajectory=path, path_hash=hash_path(path))
-    if stereo is not None:
-        at = stereo.poses.xyz
-        poses = replace(stereo.poses, xyz=_lowered(at, levels.too_high_m(stereo.poses.time_s, at)))
-        stereo = replace(stereo, trajectory=levels.levelled_path(stereo.trajectory), poses=poses)
     n_passing = opened.points.n_points - points.points.n_points
-    account = TurnsAccount(len(levels.number), planes.apart_m, planes.left_apart_m, planes.moved_m, n_passing)
-    return replace(recordings, points=points, stereo=stereo), account
+    account = TurnsAccount(
+        len(levels.number), planes.apart_m, planes.left_apart_m, planes.common_sigma_m, n_passing
+    )
+    return replace(recordings, points=points), account
 
 
 def with_turns_sigma(lines: LineSet, account: TurnsAccount) -> LineSet:
     """Return lines with sigmas in height that hold what turns cannot tell: how high all of them together are."""
-    return lines.with_columns(sigma_z_m=np.hypot(lines.sigma_z_m, account.moved_m)) if len(lines) else lines
+    return (
+        lines.with_columns(sigma_z_m=np.hypot(lines.sigma_z_m, account.common_sigma_m))
+        if len(lines)
+        else lines
+    )
 
 
 def turn_levels(store: PointStore, advance: Advance) -> TurnLevels | None:
@@ -140,33 +137,33 @@ def turn_levels(store: PointStore, advance: Advance) -> TurnLevels | None:
         Is told how many points were looked at.
     """
     blocks, counts = store.block_counts
-    if not store.n_points:
+    pieces = [_of(store, piece) for piece in pieces_to_sample(blocks, counts)] if len(blocks) else []
+    pieces = [points for points in pieces if len(points)]
+    length_s = _turn_length_s(pieces)
+    if not length_s:
         return None
     origin = blocks[0] * STORE_BLOCK_M
-    pieces = [_of(store, piece) for piece in pieces_to_sample(blocks, counts)]
-    length_s = _turn_length_s([points for points in pieces if len(points)])
     found = [_cells_of(points, origin, length_s, 1.0) for points in pieces]
     n_sampled, cells = sum(map(len, pieces)), sum(len(of) for of in found)
     if not any(len(of) and np.median(np.bincount(_dense(of.cell))) >= LEAST_TURNS for of in found):
         return None
     # Turns that agree in pieces of a survey agree: most surveys need no more than those
-    if not any(_disagree(turn_planes(_dense_turns(of, 1)[1])) for of in found):
+    if not any(_disagree(turn_planes(_numbered(of, length_s)[1])) for of in found):
         return None
     share = min(1.0, _MOST_CELLS / (cells / n_sampled * store.n_points))
     parts, done = [], 0
-    for (east, north), n in zip((blocks * STORE_BLOCK_M).tolist(), counts.tolist(), strict=True):
-        points = _of(store, Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M))
+    for area in small_areas(store):
+        points = _of(store, area)
         parts.append(_cells_of(points, origin, length_s, share))
-        done += n
+        done += len(points)
         advance(done, store.n_points)
-    every = TurnCells.concatenate(parts)
-    together = -(-len(np.unique(every.turn)) // _MOST_TURNS)
-    number, numbered = _dense_turns(every, together)
+    number, numbered, each = _numbered(TurnCells.concatenate(parts), length_s)
     planes = turn_planes(numbered)
     if planes is None or not _disagree(planes):
         return None
-    each = np.arange(len(number)) // together
-    planes = replace(planes, centre=planes.centre[each], plane=planes.plane[each])
+    planes = replace(
+        planes, centre=planes.centre[each], reach_m=planes.reach_m[each], plane=planes.plane[each]
+    )
     return TurnLevels(length_s, number, np.asarray(origin, dtype=np.float64), planes)
 
 
@@ -175,10 +172,19 @@ def _disagree(planes: TurnPlanes | None) -> bool:
     return planes is not None and planes.apart_m**2 - planes.left_apart_m**2 > planes.left_apart_m**2
 
 
-def _dense_turns(cells: TurnCells, together: int) -> tuple[IntArray, TurnCells]:
-    """Return the numbers of turns in order, and cells with groups of `together` turns counted from 0."""
+def _numbered(cells: TurnCells, length_s: float) -> tuple[IntArray, TurnCells, IntArray]:
+    """Return the numbers of turns in order, cells with groups of turns counted from 0, and the group of each turn.
+
+    A group has one turn, or successive ones where there are too many.
+    """
     number, turn = np.unique(cells.turn, return_inverse=True)
-    return number, replace(cells, turn=(turn // together).astype(np.int64))
+    together = -(-len(number) // _MOST_TURNS)
+    pauses = np.r_[True, np.diff(number) * length_s > _PAUSE_S] if len(number) else np.zeros(0, bool)
+    run = np.cumsum(pauses) - 1
+    within = np.arange(len(number)) - np.flatnonzero(pauses)[run]
+    begins = within % together == 0
+    group = np.cumsum(begins) - 1
+    return number, replace(cells, turn=group[turn].astype(np.int64)), group
 
 
 def _of(store: PointStore, bounds: Bounds) -> Points:
@@ -186,10 +192,19 @@ def _of(store: PointStore, bounds: Bounds) -> Points:
 
 
 def _turn_length_s(pieces: list[Points]) -> float:
-    """Return the length of what is taken for a turn: half the spacing of times that are as far apart as turns, or 0.1 s."""
-    times = np.unique(np.concatenate([points.time_s for points in pieces if points.time_s is not None]))
-    spacing = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return 0.5 * spacing if spacing >= _TURN_TIMES_S else _TURN_S
+    """Return the length of what is taken for a turn; 0 where times are those of no turns.
+
+    Half of the spacing of times that are as far apart as turns, so that no two of them are one, or 0.1 s.
+    """
+    times = np.unique(np.concatenate([np.zeros(0), *(p.time_s for p in pieces if p.time_s is not None)]))
+    if len(times) < LEAST_TURNS:
+        return 0.0
+    spacing = np.diff(times)
+    if np.median(spacing) < _TURN_TIMES_S:
+        return _TURN_S
+    # Of some turns, pieces show nothing
+    shortest = float(np.quantile(spacing, 0.1))
+    return 0.5 * max(shortest, _TURN_TIMES_S) if shortest <= _LONGEST_TURN_S else 0.0
 
 
 def _cells_of(points: Points, origin: FloatArray, length_s: float, share: float) -> TurnCells:
