@@ -15,6 +15,7 @@ import pytest
 from tests.scenes.laser_files import copc_file
 from tests.scenes.remote_server import file_server
 
+from linework.cli.app import main
 from linework.files.remote import reader, requests
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import simulate_survey
@@ -62,29 +63,25 @@ def away(survey, server):
 @pytest.fixture(scope="module")
 def lines(survey, tmp_path_factory):
     out = tmp_path_factory.mktemp("here")
-    done = run(survey, out)
-    assert done.returncode == 0, done.stderr
+    assert main(arguments(survey, out, "--workers", "1")) == 0
     return out / "lines.gpkg"
 
 
-def command(survey, out, *more):
+def arguments(survey, out, *more):
     return [
-        sys.executable, "-m", "linework", "extract", str(survey), "-o", str(out / "lines.gpkg"),
+        "extract", str(survey), "-o", str(out / "lines.gpkg"),
         "--config", str(survey / "run.toml"), "--work", str(out / "work"), "--quiet", *more,
     ]  # fmt: skip
 
 
-def run(survey, out, *more):
-    return subprocess.run(command(survey, out, *more), capture_output=True, text=True, check=False)
-
-
-def test_lines_are_the_same_bytes(away, server, lines, tmp_path):
-    refused = run(away, tmp_path)
-    assert refused.returncode == 2
+def test_lines_are_the_same_bytes(linework, away, server, lines, tmp_path):
+    refused = linework(*arguments(away, tmp_path))
+    assert refused.code == 2
     assert refused.stderr.count("\n") == 1
     assert "--allow-remote" in refused.stderr
-    done = run(away, tmp_path, "--allow-remote")
-    assert done.returncode == 0, done.stderr
+    # With workers: they, too, are to find what was fetched
+    done = linework(*arguments(away, tmp_path, "--allow-remote", "--workers", 2))
+    assert done.code == 0, done.stderr
     assert sha(tmp_path / "lines.gpkg") == sha(lines)
     entries = [e for e in json.loads((tmp_path / "run.json").read_text())["inputs"] if "state" in e]
     assert entries
@@ -94,9 +91,11 @@ def test_lines_are_the_same_bytes(away, server, lines, tmp_path):
     assert not list(tmp_path.glob("work/**/fetched-*"))
 
 
-def test_a_killed_run_goes_on_to_the_same_bytes(away, lines, tmp_path):
+def test_a_killed_run_goes_on_to_the_same_bytes(linework, away, lines, tmp_path):
     with subprocess.Popen(
-        command(away, tmp_path, "--allow-remote"), start_new_session=True, stderr=subprocess.DEVNULL
+        [sys.executable, "-m", "linework", *arguments(away, tmp_path, "--allow-remote")],
+        start_new_session=True,
+        stderr=subprocess.DEVNULL,
     ) as process:
         deadline = time.monotonic() + 120.0
         # Killed when tiles have been done
@@ -105,8 +104,8 @@ def test_a_killed_run_goes_on_to_the_same_bytes(away, lines, tmp_path):
             time.sleep(0.005)
         os.killpg(process.pid, signal.SIGKILL)
     assert not (tmp_path / "lines.gpkg").exists()
-    done = run(away, tmp_path, "--allow-remote", "--resume")
-    assert done.returncode == 0, done.stderr
+    done = linework(*arguments(away, tmp_path, "--allow-remote", "--resume", "--workers", 1))
+    assert done.code == 0, done.stderr
     assert sha(tmp_path / "lines.gpkg") == sha(lines)
 
 

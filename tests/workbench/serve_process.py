@@ -86,7 +86,7 @@ class Served:
         """End the server by a signal and return its exit code."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        return self.process.wait(30)
+        return self.process.wait(LONGEST_WAIT_S)
 
 
 @contextlib.contextmanager
@@ -104,7 +104,7 @@ def served_survey(survey: Path, *arguments: object, lines: Path | None = None) -
     try:
         link = _first_line(process, said)
         url, _, _ = link.partition("/?")
-        with httpx.Client(base_url=url, headers={"Origin": url}, timeout=60) as client:
+        with httpx.Client(base_url=url, headers={"Origin": url}, timeout=LONGEST_WAIT_S) as client:
             assert client.get(link).status_code == 303
             ((name, value),) = client.cookies.items()
             lines = lines or survey / "lines.gpkg"
@@ -113,7 +113,7 @@ def served_survey(survey: Path, *arguments: object, lines: Path | None = None) -
         if process.poll() is None:
             process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(20)
+                process.wait(60)
         process.kill()
         process.wait()
         reader.join()

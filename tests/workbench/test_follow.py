@@ -164,7 +164,7 @@ def test_without_a_session_nothing_is_followed(served):
     ):
         socket.send(json.dumps({"type": "interrupt"}))
         with pytest.raises(ConnectionClosed):
-            socket.recv(timeout=20)
+            socket.recv(timeout=120)
 
 
 def test_an_edge_is_followed_from_an_image(talk, served):

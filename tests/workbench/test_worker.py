@@ -2,7 +2,7 @@
 
 import asyncio
 import os
-import time
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from tests.workbench import worker_requests as requests
 
 from linework.errors import InputError, MachineError
 from linework.workbench.worker import conversation
-from linework.workbench.worker.conversation import LEAVE_S, SurveyWorker
+from linework.workbench.worker.conversation import SurveyWorker
 from linework.workbench.worker.session import SurveyOrder
 
 
@@ -100,22 +100,22 @@ def test_a_process_that_dies_at_rest_costs_at_most_one_request():
     in_worker(scene)
 
 
-def test_killing_a_worker_fails_its_request_at_once():
+def test_killing_a_worker_fails_its_request_without_waiting_for_it_to_leave(monkeypatch):
+    # Both are longer than the test may take
+    monkeypatch.setattr(conversation, "LEAVE_S", 3600.0)
+
     async def scene(worker):
-        waiting = asyncio.ensure_future(worker.ask(requests.sleep, 60.0))
+        waiting = asyncio.ensure_future(worker.ask(requests.sleep, 3600.0))
         while not worker.pid:
             await asyncio.sleep(0.01)
         pid = worker.pid
-        began = time.monotonic()
         worker.kill()
         with pytest.raises(MachineError, match="died"):
             await waiting
         assert not is_running(pid)
-        return time.monotonic() - began, await worker.ask(requests.add, 1, 2)
+        return await worker.ask(requests.add, 1, 2)
 
-    seconds, answer = in_worker(scene)
-    assert seconds < LEAVE_S
-    assert answer == 3
+    assert in_worker(scene) == 3
 
 
 @pytest.mark.parametrize("how", ["break", "raise", "cancel"])
@@ -134,7 +134,7 @@ def test_a_request_that_is_left_ends_and_its_process_stays(how):
         if how == "cancel":
             await asyncio.sleep(0.2)
             leaving.cancel()
-        done, _ = await asyncio.wait({leaving}, timeout=20.0)
+        done, _ = await asyncio.wait({leaving}, timeout=300.0)
         assert done
         if not leaving.cancelled():
             assert isinstance(leaving.exception(), InputError) == (how == "raise")
@@ -206,29 +206,21 @@ def test_cancelling_while_another_waits_gives_the_turn_on():
 
 def test_much_is_sent_to_a_process_that_does_not_read_yet_without_holding_the_server_up():
     async def scene(worker):
-        slowest = 0.0
-
-        async def beat():
-            nonlocal slowest
-            while True:
-                before = time.monotonic()
-                await asyncio.sleep(0.01)
-                slowest = max(slowest, time.monotonic() - before)
-
-        beating = asyncio.ensure_future(beat())
         much = np.zeros(4_000_000)
         worker._start()
         os.kill(worker.pid, 19)  # it is stopped, as one that imports for long
+        # A server that is held up would otherwise be so for ever
+        goes_on = threading.Timer(60.0, os.kill, (worker.pid, 18))
+        goes_on.start()
         asking = asyncio.ensure_future(worker.ask(requests.add, much, 1.0))
-        await asyncio.sleep(1.0)
+        for _ in range(20):
+            await asyncio.sleep(0.02)
+        is_held_up = goes_on.finished.is_set()
+        goes_on.cancel()
         os.kill(worker.pid, 18)
-        total = (await asking).sum()
-        beating.cancel()
-        return slowest, total
+        return is_held_up, (await asking).sum()
 
-    slowest, total = in_worker(scene)
-    assert total == 4_000_000
-    assert slowest < 0.9
+    assert in_worker(scene) == (False, 4_000_000)
 
 
 def test_killing_a_worker_many_times_in_the_middle_never_loses_an_answer():

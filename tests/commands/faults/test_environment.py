@@ -39,21 +39,18 @@ def undisturbed(points, tmp_path_factory) -> str:
     return lines_of(points, tmp_path_factory.mktemp("undisturbed"))
 
 
+def extraction(points: Path, folder: Path, *, workers: int = 1) -> list[str]:
+    """Return the arguments of a run that writes its lines and its work into a folder."""
+    where = ["-o", str(folder / "lines.gpkg"), "--work", str(folder / "work")]
+    return ["extract", str(points), *where, "--quiet", "--workers", str(workers)]
+
+
 def lines_of(
     points: Path, folder: Path, *, before: tuple[str, ...] = (), workers: int = 1, **environment: str
 ) -> str:
     """Return the SHA-256 of the lines that a run in this environment writes."""
-    arguments = [
-        "extract",
-        str(points),
-        "-o",
-        str(folder / "lines.gpkg"),
-        "--quiet",
-        "--workers",
-        str(workers),
-    ]
     said = subprocess.run(
-        [*before, *COMMAND, *arguments, "--work", str(folder / "work")], env=os.environ | environment,
+        [*before, *COMMAND, *extraction(points, folder, workers=workers)], env=os.environ | environment,
         capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
     assert said.returncode == 0, said.stderr
@@ -97,25 +94,24 @@ def test_without_home_and_temporary_folder_nothing_changes(points, undisturbed, 
     )
 
 
-def test_a_clock_that_is_set_back_between_two_runs_changes_nothing(points, undisturbed, tmp_path):
+def test_a_clock_that_is_set_back_between_two_runs_changes_nothing(linework, points, undisturbed, tmp_path):
     """The store of a run of tomorrow is used, and its unfinished run is resumed."""
-    assert lines_of(points, tmp_path) == undisturbed
+    assert linework(*extraction(points, tmp_path)).code == 0
     (tmp_path / "lines.gpkg").unlink()
     code = A_DAY_AGO + "from linework.cli.app import main; sys.exit(main(sys.argv[1:]))"
-    arguments = ["extract", points, "-o", tmp_path / "lines.gpkg", "--quiet", "--workers", "1", "--resume"]
     said = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments), "--work", str(tmp_path / "work")],
+        [sys.executable, "-c", code, *extraction(points, tmp_path), "--resume"],
         capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
     assert said.returncode == 0, said.stderr
     assert hashlib.sha256((tmp_path / "lines.gpkg").read_bytes()).hexdigest() == undisturbed
 
 
-def test_a_run_that_was_moved_is_known_again(points, undisturbed, tmp_path):
+def test_a_run_that_was_moved_is_known_again(linework, points, undisturbed, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()
     shutil.copytree(points, first / "points")
-    assert lines_of(first / "points", first) == undisturbed
+    assert linework(*extraction(first / "points", first)).code == 0
     first.rename(second)
     (second / "lines.gpkg").unlink()
     assert lines_of(second / "points", second) == undisturbed
@@ -148,17 +144,14 @@ def test_a_current_folder_that_is_gone(tmp_path):
 
 @pytest.mark.parametrize(("mask", "mode"), [(0o077, 0o600), (0o022, 0o644), (0o000, 0o666)])
 def test_outputs_have_the_permissions_that_umask_leaves(tmp_path, mask, mode):
-    write_lines(some_lines(), tmp_path / "lines.gpkg")
-    words = [
-        "sh",
-        "-c",
-        f'umask {mask:03o} && exec "$@"',
-        "sh",
-        *COMMAND,
-        "convert",
-        str(tmp_path / "lines.gpkg"),
-    ]
-    for suffix in (".gpkg", ".geojson", ".fgb", ".dxf"):
-        output = tmp_path / f"out{suffix}"
-        subprocess.run([*words, str(output)], check=True, capture_output=True, timeout=300)
-        assert output.stat().st_mode & 0o777 == mode, suffix
+    lines = tmp_path / "lines.gpkg"
+    write_lines(some_lines(), lines)
+    outputs = [tmp_path / f"out{suffix}" for suffix in (".gpkg", ".geojson", ".fgb", ".dxf")]
+    # One process for all formats, whose umask is its own
+    code = (
+        f"import os; os.umask({mask}); from linework.cli.app import main;"
+        f"raise SystemExit(max(main(['convert', {str(lines)!r}, output]) for output in {[*map(str, outputs)]}))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, timeout=300)
+    for output in outputs:
+        assert output.stat().st_mode & 0o777 == mode, output.suffix

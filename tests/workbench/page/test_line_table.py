@@ -14,7 +14,7 @@ from linework.files.vectors.read_write import read_lines
 @pytest.fixture
 def plan(page, served):
     plan = PlanPage(page, served)
-    page.get_by_role("tab", name="Lines").click()
+    page.get_by_role("tab", name="Lines", exact=True).click()
     wait_until(lambda: listed(plan) == len(plan.documents()))
     return plan
 
@@ -50,7 +50,7 @@ def test_the_filter_is_that_of_the_plan(plan):
     page.locator("input[name=least-confidence]").fill(f"{least:.2f}")
     expected = sum(line["confidence"] >= float(f"{least:.2f}") for line in lines)
     wait_until(lambda: listed(plan) == expected)
-    page.get_by_role("button", name="Show all lines again").click()
+    page.get_by_role("button", name="Show all lines again", exact=True).click()
     wait_until(lambda: listed(plan) == len(lines))
     page.locator("input[name=greatest-sigma]").fill("0.01")
     page.locator("input[name=greatest-sigma]").press("Enter")
@@ -79,7 +79,7 @@ def test_listed_lines_are_edited_together(plan):
     page = plan.page
     page.select_option(".line-table select[aria-label=Kind]", "lane_marking")
     wait_until(lambda: listed(plan) < len(plan.documents()))
-    page.get_by_role("button", name="Select all listed lines").click()
+    page.get_by_role("button", name="Select all listed lines", exact=True).click()
     chosen = set(plan.selected)
     before = plan.revision
     page.locator("button[data-column=condition][data-value=worn]").click()
@@ -108,7 +108,7 @@ def test_kinds_are_hidden_and_shown_alone_by_keys(plan):
 def test_what_is_shown_is_exported(plan, tmp_path):
     page = plan.page
     page.select_option(".line-table select[aria-label=Kind]", "road_boundary")
-    page.get_by_role("tab", name="Export").click()
+    page.get_by_role("tab", name="Export", exact=True).click()
     page.select_option("select[name=which]", "listed")
     with page.expect_download() as download:
         page.locator(".export-pane .start").click()
@@ -121,10 +121,10 @@ def test_what_is_shown_is_exported(plan, tmp_path):
 
 def test_a_cad_drawing_by_the_surveys_table(plan, tmp_path):
     page = plan.page
-    page.get_by_role("tab", name="Export").click()
+    page.get_by_role("tab", name="Export", exact=True).click()
     page.select_option("select[name=format]", "dxf")
     page.locator("textarea[name=codes]").fill("kind,layer\ncable,A:B\n")
-    page.get_by_role("checkbox", name="Layers and codes of this table").check()
+    page.get_by_role("checkbox", name="Layers and codes of this table", exact=True).check()
     page.locator(".export-pane .start").click()
     wait_until(lambda: "A:B" in plan.message)
     page.locator("textarea[name=codes]").fill("kind,layer,code\nlane_marking,MARK,7\n")

@@ -219,7 +219,7 @@ def test_the_history_says_who_did_what(plan, boundary):
     before = plan.revision
     plan.press("o")
     plan.saved_since(before)
-    plan.page.get_by_role("tab", name="History").click()
+    plan.page.get_by_role("tab", name="History", exact=True).click()
     plan.page.wait_for_selector(".record")
     newest = plan.page.inner_text(".record >> nth=0")
     record = plan.served.get("/api/history")[0]

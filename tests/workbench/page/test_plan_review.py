@@ -126,9 +126,9 @@ def test_an_item_comes_with_its_evidence_and_one_key_decides(browser, served):
         wait_until(lambda: pane.get_attribute("data-key") == items[1]["key"])
         assert "Contrast" in pane.inner_text()
         # A tab that was chosen stays
-        page.get_by_role("tab", name="Section").click()
+        page.get_by_role("tab", name="Section", exact=True).click()
         plan.press("n")
-        assert page.get_by_role("tab", name="Section").get_attribute("aria-selected") == "true"
+        assert page.get_by_role("tab", name="Section", exact=True).get_attribute("aria-selected") == "true"
         plan.press("Control+z")
         wait_until(lambda: plan.documents()[kerb["id"]]["review"] == "")
 
@@ -177,9 +177,9 @@ def test_the_report_by_chainage_is_of_the_lines_as_they_are(plan):
     wait_until(lambda: plan.selected == [rejected["id"]])
     plan.press("x")
     wait_until(lambda: plan.documents()[rejected["id"]]["review"] == "rejected")
-    plan.page.get_by_role("tab", name="Extract").click()
-    plan.page.get_by_label("Interval").select_option("20")
-    plan.page.get_by_label("Limits").select_option("uk")
+    plan.page.get_by_role("tab", name="Extract", exact=True).click()
+    plan.page.get_by_label("Interval", exact=True).select_option("20")
+    plan.page.get_by_label("Limits", exact=True).select_option("uk")
     with plan.page.context.expect_page() as opened:
         plan.page.locator("a.chainage").click()
     report = opened.value

@@ -30,7 +30,7 @@ def test_names_are_never_markup(browser, served_alone):
         page.fill("input[name=go-to]", HOSTILE)
         plan.press("Enter")
         wait_until(lambda: "onerror" in plan.message)
-        page.get_by_role("tab", name="History").click()
+        page.get_by_role("tab", name="History", exact=True).click()
         page.wait_for_selector(".record")
         assert page.locator("img[src=x]").count() == 0
         assert dialogs == []
@@ -72,7 +72,7 @@ def test_light_and_dark(browser, served_alone):
         PlanPage(page, served_alone)
         theme = "document.documentElement.dataset.theme"
         assert page.evaluate(theme) == "dark"
-        page.get_by_label("Light or dark").click()
+        page.get_by_label("Light or dark theme", exact=True).click()
         assert page.evaluate(theme) == "light"
         page.reload()
         PlanPage(page, served_alone)

@@ -31,8 +31,8 @@ def _unrolled(plan, kind, *, length="40"):
         (each for each in plan.documents().values() if each["kind"] == kind),
         key=lambda each: each["length_m"],
     )
-    plan.page.get_by_role("tab", name="Straightened").click()
-    plan.page.get_by_label("Length of the stretch").select_option(length)
+    plan.page.get_by_role("tab", name="Straightened", exact=True).click()
+    plan.page.get_by_label("Length of the stretch", exact=True).select_option(length)
     plan.look_at(middle_of(line["xyz"]), nearer=2)
     plan.click(middle_of(line["xyz"]))
     wait_until(lambda: plan.selected == [line["id"]])
@@ -152,7 +152,7 @@ def test_a_node_is_chosen_and_moved_by_keys_alone(plan):
 def test_the_road_is_unrolled_without_a_selection(browser, served):
     with opened_page(browser, served) as page:
         plan = PlanPage(page, served)
-        page.get_by_role("tab", name="Straightened").click()
+        page.get_by_role("tab", name="Straightened", exact=True).click()
         page.get_by_label("Unroll", exact=True).select_option("road")
         wait_until(lambda: int(_data(plan, "points") or 0) > 500)
         assert page.get_attribute(".straightened-view", "data-axis") == "road"

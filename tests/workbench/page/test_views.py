@@ -111,8 +111,8 @@ def test_the_3d_view_shows_points_and_lines_and_a_click_selects(views: tuple[Any
     marking = _node(page, "lane_marking")
     row = page.locator(f".section-table tr[data-id='{marking['id']}']")
     row.click()
-    page.get_by_role("button", name="Look at the selected line").click()
-    page.get_by_role("button", name="Look straight down").click()
+    page.get_by_role("button", name="Look at the selected line", exact=True).click()
+    page.get_by_role("button", name="Look straight down", exact=True).click()
     other = page.locator(".section-table tr[data-id]:not(.chosen)").first
     other.click()
     assert "chosen" not in row.get_attribute("class")
@@ -148,7 +148,7 @@ def test_stereo_shows_the_lines_in_both_images_and_goes_along_the_drive(views: t
     for side in ("left", "right"):
         shown = page.locator(f".stereo-view canvas[data-side={side}]")
         wait_until(lambda shown=shown, side=side: shown.get_attribute("data-shown") == f"{first + 1}/{side}")
-    page.locator(".stereo-view").get_by_label("Pairs per second").select_option("10")
+    page.locator(".stereo-view").get_by_label("Pairs per second", exact=True).select_option("10")
     stereo.press("Shift+P")
     wait_until(lambda: int(stereo.get_attribute("data-pair")) == pairs[-1]["number"])
 
@@ -194,7 +194,7 @@ def test_an_extraction_can_be_cancelled(views: tuple[Any, Served]) -> None:
     before = served.get("/api/lines")["lines"]
     _show(page, "Extract")
     page.locator(".job-pane .start").click()
-    page.get_by_role("button", name="Cancel this extraction; the lines stay unchanged").click()
+    page.get_by_role("button", name="Cancel this extraction; the lines stay unchanged", exact=True).click()
     wait_until(lambda: page.locator(".job").first.get_attribute("data-state") == "cancelled")
     assert served.get("/api/lines")["lines"] == before
     assert page.locator(".job-pane .start").is_enabled()

@@ -6,7 +6,7 @@ import socket
 from dataclasses import dataclass
 from typing import Any
 
-from tests.workbench.serve_process import Served
+from tests.workbench.serve_process import LONGEST_WAIT_S, Served
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Raw:
     body: str
 
 
-def exchange(port: int, request: bytes, *, timeout_s: float = 15.0) -> Raw | None:
+def exchange(port: int, request: bytes, *, timeout_s: float = LONGEST_WAIT_S) -> Raw | None:
     """Send bytes and return what is answered, None where the connection is only closed."""
     with socket.create_connection(("127.0.0.1", port), timeout=timeout_s) as connection:
         try:

@@ -15,7 +15,7 @@ import pytest
 import uvicorn
 import websockets.sync.client
 from tests.workbench.safety.raw_http import Raw, answer_on, exchange, request, routes
-from tests.workbench.serve_process import Served, wait_until
+from tests.workbench.serve_process import LONGEST_WAIT_S, Served, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from linework.workbench.server import guard as guard_bodies
@@ -43,11 +43,9 @@ def posts(served: Served) -> list[str]:
 def test_a_body_that_says_it_is_long_is_not_read(served):
     """J14: 10 GB are promised."""
     for path in posts(served):
-        start = time.monotonic()
         answer = exchange(served.port, request("POST", path, *headers(served, "Content-Length: 10000000000")))
         assert answer.status == 413
         assert json.loads(answer.body)["status"] == 413
-        assert time.monotonic() - start < 5
 
 
 def test_a_body_without_end(served):
@@ -55,7 +53,7 @@ def test_a_body_without_end(served):
     before = memory_mb(served)
     chunk = b"10000\r\n" + b" " * 0x10000 + b"\r\n"
     for path in ("/api/changes", "/api/nothing"):
-        with socket.create_connection(("127.0.0.1", served.port), timeout=15) as connection:
+        with socket.create_connection(("127.0.0.1", served.port), timeout=LONGEST_WAIT_S) as connection:
             connection.sendall(request("POST", path, *headers(served, "Transfer-Encoding: chunked")))
             n_sent = 0
             with contextlib.suppress(ConnectionError):
@@ -68,7 +66,7 @@ def test_a_body_without_end(served):
 
 
 def test_a_chunked_body_is_answered_at_the_limit(served):
-    with socket.create_connection(("127.0.0.1", served.port), timeout=15) as connection:
+    with socket.create_connection(("127.0.0.1", served.port), timeout=LONGEST_WAIT_S) as connection:
         connection.sendall(request("POST", "/api/changes", *headers(served, "Transfer-Encoding: chunked")))
         size = MOST_BODY_BYTES + 1
         connection.sendall(f"{size:x}\r\n".encode() + b" " * size + b"\r\n")
@@ -172,7 +170,7 @@ def test_nonsense_is_told_in_one_line(served, body):
 def test_more_connections_than_a_browser_opens(served):
     with contextlib.ExitStack() as held:
         for _ in range(connections.MOST_CONNECTIONS + 50):
-            held.enter_context(socket.create_connection(("127.0.0.1", served.port), timeout=15))
+            held.enter_context(socket.create_connection(("127.0.0.1", served.port), timeout=LONGEST_WAIT_S))
         n_open = len(list(Path(f"/proc/{served.process.pid}/fd").iterdir()))
         assert n_open < connections.MOST_CONNECTIONS + 60
     wait_until(lambda: exchange(served.port, request("GET", "/", f"Host: {served.host}")) is not None)
@@ -191,7 +189,7 @@ def test_messages_of_sockets_are_bounded(served):
         with connected(served, path) as open_socket, pytest.raises(ConnectionClosed) as closed:
             for _ in range(4):
                 open_socket.send("x" * 10**6)
-                open_socket.recv(timeout=15)
+                open_socket.recv(timeout=LONGEST_WAIT_S)
         assert closed.value.rcvd.code == 1009
 
 
@@ -201,18 +199,19 @@ def test_sockets_are_bounded(served):
             for _ in range(MOST_SOCKETS + 1):
                 held.enter_context(connected(served))
         assert refused.value.response.status_code == 403
+
     # Those that left make room
-    deadline = time.monotonic() + 15
-    while True:
+    def has_room() -> bool:
         with contextlib.suppress(InvalidStatus), connected(served):
-            return
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+            return True
+        return False
+
+    wait_until(has_room)
 
 
 @contextlib.contextmanager
-def impatient_server(monkeypatch, *, patience_s=0.5):
-    """Give the port of a server that has a tenth of the patience, and a session's headers."""
+def impatient_server(monkeypatch, *, patience_s=1.0):
+    """Give the port of a server that has little patience, and a session's headers."""
     monkeypatch.setattr(connections, "HEAD_S", patience_s)
     monkeypatch.setattr(guard_bodies, "MOST_S", patience_s)
 
@@ -243,31 +242,29 @@ def test_a_head_that_does_not_come(monkeypatch):
     with impatient_server(monkeypatch) as (port, own):
         good = request("GET", "/", *own)
         for first in (b"", b"GET / HT", good, good + b"G"):
-            with socket.create_connection(("127.0.0.1", port), timeout=15) as connection:
+            with socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S) as connection:
                 connection.sendall(first)
                 if first.startswith(good):
                     assert answer_on(connection).status == 200
-                start = time.monotonic()
+                # Until the server closes it
                 with contextlib.suppress(ConnectionError):
                     while connection.recv(1024):
                         pass
-                assert time.monotonic() - start < 5, first
         # Who is slow does not stand in the way of others, nor does dripping buy time
-        with socket.create_connection(("127.0.0.1", port), timeout=15) as dripping:
-            start = time.monotonic()
-            with contextlib.suppress(ConnectionError):
-                while time.monotonic() - start < 10:
+        with socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S) as dripping:
+            end = time.monotonic() + LONGEST_WAIT_S
+            with pytest.raises(ConnectionError):
+                while time.monotonic() < end:
                     dripping.sendall(b"G")
                     assert exchange(port, good).status == 200
                     time.sleep(0.05)
-            assert time.monotonic() - start < 5
 
 
 def test_strangers_who_hold_all_connections_lock_nobody_out(monkeypatch):
     """Hundreds that say nothing, or ask without a session, and come again as soon as they are closed."""
     with contextlib.ExitStack() as held:
         port, own = held.enter_context(impatient_server(monkeypatch, patience_s=300.0))
-        kept = held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=15))
+        kept = held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S))
         kept.sendall(request("GET", "/", *own))
         assert answer_on(kept).status == 200
         said = (
@@ -278,7 +275,7 @@ def test_strangers_who_hold_all_connections_lock_nobody_out(monkeypatch):
             b"\x16\x03\x01",
         )
         for i in range(3 * connections.MOST_CONNECTIONS):
-            idle = held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=15))
+            idle = held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S))
             with contextlib.suppress(ConnectionError):
                 idle.sendall(said[i % len(said)])
             if i % 50 == 49:
@@ -294,7 +291,9 @@ def test_sessions_share_the_connections_that_there_are(monkeypatch):
         port, own = held.enter_context(impatient_server(monkeypatch, patience_s=300.0))
         opened = []
         for _ in range(connections.MOST_CONNECTIONS):
-            opened.append(held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=15)))
+            opened.append(
+                held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S))
+            )
             opened[-1].sendall(request("GET", "/", *own))
             assert answer_on(opened[-1]).status == 200
         assert exchange(port, request("GET", "/", *own)) is None
@@ -314,13 +313,14 @@ def test_a_body_that_does_not_come(monkeypatch):
 def test_a_kept_connection_answers_again(monkeypatch):
     """The patience is with heads that do not come: who asks again in time is answered."""
     with (
-        impatient_server(monkeypatch) as (port, own),
-        socket.create_connection(("127.0.0.1", port), timeout=15) as connection,
+        impatient_server(monkeypatch, patience_s=2.0) as (port, own),
+        socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S) as connection,
     ):
         for _ in range(5):
             connection.sendall(request("GET", "/", *own))
             assert answer_on(connection).status == 200
-            time.sleep(0.2)
+            # All in all longer than the patience, each time much shorter
+            time.sleep(0.5)
 
 
 def test_a_refusal_is_read_by_who_is_still_sending(served):

@@ -5,8 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 
-#: Of each route and phase; all in all some thousand requests.
-EXAMPLES = 25
+from tests.scenes.effort import examples
+
+#: Of each route and phase; all in all some thousand requests, in the quick run a quarter of them.
+EXAMPLES = examples(25)
 LONGEST_S = 60
 
 

@@ -153,11 +153,11 @@ def extract_command(
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
-        compile_stage(compiled_for(survey, kinds, images=recordings_for(method, kinds)["images"]), steps)
-        has_images = survey.has_pairs
+        images = recordings_for(method, kinds)["images"]
+        compile_stage(compiled_for(survey, kinds, images=images), steps)
         n_points = promised_points(survey)
         executor = held.enter_context(
-            executor_for(n_points, n_workers, settings, has_images=has_images)
+            executor_for(n_points, n_workers, settings, has_images=images and survey.has_pairs)
             if scheduler is None
             else cluster_executor(scheduler, workers, folder)
         )
