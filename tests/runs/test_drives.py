@@ -16,7 +16,7 @@ from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
 from linework.runs.drives.adjusted import adjusted_drives
 from linework.runs.drives.adjustment import DriveTies, adjusted_path
-from linework.runs.drives.separate import separate_drives, share_road
+from linework.runs.drives.separate import may_tie, separate_drives, share_road
 from linework.runs.drives.ties import meet_lines, tie_drives
 
 KINDS = ("lane_marking", "lane_marking_dash", "road_boundary")
@@ -69,6 +69,15 @@ def test_roads_that_cross_or_lie_apart_are_not_shared():
     apart = path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((0.0, 40.0), (300.0, 40.0)))
     assert not share_road(separate_drives(apart))
     assert not share_road(separate_drives(path_of(((0.0, 0.0), (300.0, 0.0)))))
+
+
+def test_only_where_another_drive_passes_there_is_something_to_tie():
+    drives = separate_drives(path_of(((0.0, 0.0), (1000.0, 0.0)), 60.0, ((0.0, 3.0), (300.0, 3.0))))
+    places = np.array([[10.0, 5.0], [300.0, -20.0], [385.0, 0.0], [400.0, 0.0], [900.0, 0.0], [10.0, 120.0]])
+    for drive in drives:
+        near = may_tie(drive, drives, places)
+        assert near.tolist() == [True, True, True, False, False, False]
+    assert may_tie(drives[0], drives, places[:0]).tolist() == []
 
 
 # The correction
@@ -179,6 +188,18 @@ def test_ties_are_across_in_height_and_along_at_dashes():
     np.testing.assert_allclose(adjusted.account.apart_m[1], 0.04, atol=1e-6)
     assert max(adjusted.account.left_apart_m) < 0.003
     assert "2 drives adjusted" in adjusted.account.summary
+
+
+def test_lines_along_a_part_of_the_shared_road_do_not_hold_all_of_it():
+    path = path_of(((0.0, 0.0), (300.0, 0.0)), 60.0, ((300.0, 3.0), (0.0, 3.0)))
+    drives = separate_drives(path)
+    whole, part = straight(5.0), straight(5.0)
+    part = LineSet.from_lines([part.xyz[:250]], kind=["lane_marking"])
+    assert adjusted_drives(drives, path, [whole, straight(5.1)]).is_held
+    assert not adjusted_drives(drives, path, [whole, part]).is_held
+    # Drives of which one also passes where the other does not need no tie there
+    path = path_of(((0.0, 0.0), (600.0, 0.0)), 60.0, ((300.0, 3.0), (0.0, 3.0)))
+    assert adjusted_drives(separate_drives(path), path, [whole, straight(5.1)]).is_held
 
 
 def test_drives_without_a_line_in_common_stay():

@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import FloatArray
+from linework.kernels.radon import outlines
 from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import Bins, CircleConfig
@@ -53,8 +54,9 @@ _LEAST_POINTS = 60
 _LEAST_SHARE = 0.06
 #: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise. [m]
 ON_OUTLINE_M = 0.05
-#: Step between tried places across. [m]
+#: Step between tried places across [m], and these places.
 _STEP_M = 0.005
+_PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _STEP_M, _STEP_M)
 
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
@@ -272,27 +274,13 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
     weight, size = counts[rows], high - low
     height = z[rows] - 0.5 * (low + high)
     number = float(weight.sum())
-    places = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _STEP_M, _STEP_M)
-    # (places, heights, widths): from the middle of an outline at each place
-    across = u[None, None, :] - places[:, None, None]
-    tall = height[None, :, None]
-    distances = {"flat": np.abs(across) + 0.0 * tall}
+    columns = weight.sum(axis=0)
+    flat = outlines.flat_costs(columns, u, _PLACES, ON_OUTLINE_M)
+    i = int(np.argmin(flat))
+    on = float(columns[np.abs(u - _PLACES[i]) <= ON_OUTLINE_M].sum())
+    best = [OutlineFit("flat", float(_PLACES[i]), on / number, float(flat[i]))]
     if BAR_M[0] <= size <= BAR_M[1]:
-        half = 0.5 * size
-        distances["pipe"] = np.abs(np.hypot(across, tall) - half)
-        sideways, upward = np.abs(across) - half, np.abs(tall) - half
-        outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
-        box = outside + np.maximum(-np.maximum(sideways, upward), 0.0)
-        on_top = (tall > half - TOP_HEIGHT_M) & (np.abs(across) < half - BEHIND_FACE_M)
-        # Both sides may be the face: what is on top lies between
-        has_top = np.sum(weight * on_top, axis=(1, 2)) >= TOP_SHARE * number
-        distances["box"] = np.where(has_top[:, None, None], box, ON_OUTLINE_M)
-    best: list[OutlineFit] = []
-    for name, distance in distances.items():
-        square = np.sum(weight * np.minimum(distance, ON_OUTLINE_M) ** 2, axis=(1, 2))
-        i = int(np.argmin(square))
-        on = float(np.sum(weight * (distance[i] <= ON_OUTLINE_M)))
-        best.append(OutlineFit(name, float(places[i]), on / number, float(square[i])))
+        best += _bars(weight, height, u, 0.5 * size, number)
     noise = max(min(fit.cost for fit in best) / number, (0.5 * SECTION_CELL_M) ** 2)
     penalty = float(np.log(number))
     fits = tuple(
@@ -303,6 +291,45 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
     top_share = float(upper[:, off].sum() / max(upper.sum(), 1.0))
     chosen = min(fits, key=lambda fit: fit.cost)
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, top_share, fits)
+
+
+def _bars(
+    weight: FloatArray, height: FloatArray, u: FloatArray, half: float, number: float
+) -> list[OutlineFit]:
+    """Return how well a pipe and a square tube explain a band, their costs the sums of squared distances. [m²].
+
+    Parameters
+    ----------
+    weight
+        (heights, widths) points of the band.
+    height, u
+        Middles of its cells over the middle of the band, and across. [m]
+    half
+        Half of its height. [m]
+    number
+        Of its points.
+    """
+    row, column = np.nonzero(weight)
+    points = np.column_stack([weight[row, column], u[column], height[row]])
+    top = half - TOP_HEIGHT_M, half - BEHIND_FACE_M
+    costs = outlines.bar_costs(points, _PLACES, half, ON_OUTLINE_M, top)
+    # Both sides may be the face: what is on top of a square tube lies between
+    has_top = costs[:, 2] >= TOP_SHARE * number
+    box = np.where(has_top, costs[:, 1], number * ON_OUTLINE_M**2)
+    fits = []
+    for name, square in (("pipe", costs[:, 0]), ("box", box)):
+        i = int(np.argmin(square))
+        across, tall = np.abs(points[:, 1] - _PLACES[i]), points[:, 2]
+        if name == "pipe":
+            is_on = np.abs(np.hypot(across, tall) - half) <= ON_OUTLINE_M
+        else:
+            sideways, upward = across - half, np.abs(tall) - half
+            outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
+            inside = np.maximum(-np.maximum(sideways, upward), 0.0)
+            is_on = (outside + inside <= ON_OUTLINE_M) | ~has_top[i]
+        on = float(points[is_on, 0].sum())
+        fits.append(OutlineFit(name, float(_PLACES[i]), on / number, float(square[i])))
+    return fits
 
 
 def _edge_of_concrete(

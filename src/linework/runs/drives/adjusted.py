@@ -18,6 +18,7 @@ from linework.files.output.parts import read_part, write_part
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import PUBLISHED_KINDS_OF
 from linework.methods.protocol import Method
+from linework.methods.radon.method import RAIL_KINDS
 from linework.model.ground import Ground
 from linework.model.lines import LineSet
 from linework.model.points import Points
@@ -25,9 +26,16 @@ from linework.model.trajectory import Trajectory
 from linework.processes.executors import Executor, Serial
 from linework.runs.drives.account import DriveAccount, DrivesAccount
 from linework.runs.drives.adjustment import DriveTies, PathCorrection, adjusted_path
-from linework.runs.drives.separate import DriveSpan, separate_drives, share_road
+from linework.runs.drives.separate import DriveSpan, may_tie, separate_drives, share_road
 from linework.runs.drives.stores import changed_points
-from linework.runs.drives.ties import FIRST_REACH_M, LAST_REACH_M, TIE_KINDS, meet_lines, tie_drives
+from linework.runs.drives.ties import (
+    FIRST_REACH_M,
+    LAST_REACH_M,
+    TIE_KINDS,
+    holds_all_along,
+    meet_lines,
+    tie_drives,
+)
 from linework.runs.drives.turns import level_turns, with_turns_sigma
 from linework.runs.extraction import Extraction
 from linework.runs.find import find_lines
@@ -54,11 +62,14 @@ class AdjustedDrives:
         Of the path and of all points.
     account
         How each was corrected.
+    is_held
+        Whether lines tie them along all of the road that they share.
     """
 
     drives: tuple[DriveSpan, ...]
     correction: PathCorrection
     account: DrivesAccount
+    is_held: bool
 
 
 def find_lines_of_drives(
@@ -89,8 +100,9 @@ def find_lines_of_drives(
 
     Notes
     -----
-    The lines of each drive are found on its own points. They tie the drives: across at lines, in height, and along the
-    road at dashes. The points are moved by the correction when they are written into a tile store of this run, from which
+    The lines of each drive are found on its own points, where another one passes. They tie the drives: across at lines,
+    in height, and along the road at dashes. Guardrails and barriers are looked for only where markings and boundaries leave
+    some of the shared road without a tie: across it theirs weigh a fifth of those at most. The points are moved by the correction when they are written into a tile store of this run, from which
     everything else follows as for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
     """
     chosen, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
@@ -125,12 +137,23 @@ def find_lines_of_drives(
         "auto", TIE_KINDS, radon=chosen.radon, obb=chosen.obb, stereo=chosen.stereo, paint=None
     )
     tying = [method for method in named if method.recording == "points"]
-    lines = [
-        _lines_of_drive(recordings, drive, tying, run, i, partial(found_in, using=for_ties), steps)
-        for i, drive in enumerate(drives)
-    ]
+    on_ground = [method for method in tying if not set(method.kinds) <= set(RAIL_KINDS)]
+
+    def lines_by(them: Sequence[Method], what: str) -> list[LineSet]:
+        by = partial(found_in, using=for_ties)
+        return [
+            _lines_of_drive(recordings, drives, i, them, run, f"drive-{i}{what}", by, steps)
+            for i in range(len(drives))
+        ]
+
+    lines = lines_by(on_ground, "")
     with steps.step("adjust drives"):
         adjusted = adjusted_drives(drives, path, lines)
+    if adjusted is None or not adjusted.is_held:
+        standing = lines_by([method for method in tying if method not in on_ground], "-rails")
+        lines = [LineSet.concatenate(both) for both in zip(lines, standing, strict=True)]
+        with steps.step("adjust drives"):
+            adjusted = adjusted_drives(drives, path, lines)
     if adjusted is None:
         return found_in_all(recordings)
     moved = _moved(recordings, adjusted, run, steps)
@@ -180,7 +203,8 @@ def adjusted_drives(
             )
         )  # fmt: skip
     apart = [(_median_size(d[level]), _median_size(d[~level])) for d in (ties.apart_m, left)]
-    return AdjustedDrives(drives, correction, DrivesAccount(tuple(accounts), *apart))
+    account = DrivesAccount(tuple(accounts), *apart)
+    return AdjustedDrives(drives, correction, account, holds_all_along(drives, ties))
 
 
 def _rms(values: FloatArray) -> float:
@@ -213,11 +237,11 @@ def with_common_sigma(lines: LineSet, adjusted: AdjustedDrives) -> LineSet:
 
 
 def _lines_of_drive(
-    recordings: Recordings, drive: DriveSpan, methods: Sequence[Method], run: RunFolder, number: int, found_in: Any,
-    steps: RunSteps,
+    recordings: Recordings, drives: Sequence[DriveSpan], number: int, methods: Sequence[Method], run: RunFolder,
+    name: str, found_in: Any, steps: RunSteps,
 ) -> LineSet:  # fmt: skip
-    """Return the lines of one drive; none where nothing can be looked at."""
-    name = f"drive-{number}"
+    """Return the lines of one drive where others pass; none where nothing can be looked at."""
+    drive = drives[number]
     folder, kept, entry = run.path / name, run.path / f"{name}.arrays", run.journal.done().get(name)
     done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
     if done is not None:
@@ -227,15 +251,12 @@ def _lines_of_drive(
 
     def change(points: Points) -> Points:
         assert points.time_s is not None
-        return points.take(drive.holds(points.time_s))
+        own = points.take(drive.holds(points.time_s))
+        return own.take(may_tie(drive, drives, own.xyz[:, :2]))
 
+    spans = [(other.start_s, other.end_s) for other in drives]
     own = changed_points(
-        opened,
-        folder / "store",
-        change,
-        f"drive {number} of {drive.start_s} to {drive.end_s}",
-        steps,
-        "separate drives",
+        opened, folder / "store", change, f"drive {number} of {spans}", steps, "separate drives"
     )
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:

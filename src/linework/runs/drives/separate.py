@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -20,13 +21,17 @@ _STEP_S = 0.5
 #: Distance of positions along the path. [m]
 _PLACE_M = 1.0
 #: A path that comes this near to itself, along itself, for at least such a length is on a road where it has been. [m]
-_SAME_ROAD_M, _LEAST_SHARED_M = 12.0, 30.0
+SHARED_ROAD_M, LEAST_SHARED_M = 12.0, 30.0
 #: Length driven before a path can return. [m]
 _LEFT_M = 60.0
 #: Cosine of the greatest angle between two passes over one road, in either direction.
 _PARALLEL = 0.9
 #: A drive passes what is this near to its path: profile scanners reach 20 to 50 m, with lines of 10 to 20 m. [m]
 PASSED_M = 25.0
+#: Points around a place that its lines may depend on: what rails need, which need most. [m]
+_AROUND_M = 64.0
+#: Side of the cells that points are told apart by. [m]
+_CELL_M = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +61,15 @@ class DriveSpan:
         """Return which times (n,) are of this drive."""
         return np.asarray((time_s >= self.start_s) & (time_s < self.end_s))
 
-    def passing_s(self, xy: FloatArray) -> FloatArray:
-        """Return when it passes places (n, 2) [m, world], (n,) [s]; NaN for those farther than `PASSED_M`."""
+    def passing_s(self, xy: FloatArray, within_m: float = PASSED_M) -> FloatArray:
+        """Return when it passes places (n, 2) [m, world], (n,) [s]; NaN for those farther than `within_m`."""
         away, k = self.tree.query(xy - self.xy[0])
-        return np.where(away <= PASSED_M, self.time_s[k], np.nan)
+        return np.where(away <= within_m, self.time_s[k], np.nan)
+
+    def is_near(self, xy: FloatArray) -> BoolArray:
+        """Return which places (n, 2) may matter for lines that it passes: those within what lines depend on."""
+        away, _ = self.tree.query(xy - self.xy[0], distance_upper_bound=PASSED_M + _AROUND_M + _CELL_M)
+        return np.asarray(np.isfinite(away))
 
 
 def separate_drives(path: Trajectory) -> tuple[DriveSpan, ...]:
@@ -91,7 +101,7 @@ def separate_drives(path: Trajectory) -> tuple[DriveSpan, ...]:
 
 
 def share_road(drives: tuple[DriveSpan, ...]) -> bool:
-    """Return whether two of the drives are on one road for `_LEAST_SHARED_M`, one direction or the other."""
+    """Return whether two of the drives are on one road for `LEAST_SHARED_M`, one direction or the other."""
     if len(drives) < 2:
         return False
     places, owners = [], []
@@ -103,10 +113,29 @@ def share_road(drives: tuple[DriveSpan, ...]) -> bool:
     ahead = np.concatenate([_ahead(p) for p in places])
     beside = _beside(place, ahead, lambda i, near: owner[near] != owner[i])
     return any(
-        last - first >= _LEAST_SHARED_M / _PLACE_M
+        last - first >= LEAST_SHARED_M / _PLACE_M
         for i in range(len(drives))
         for first, last in runs_of(beside[owner == i])
     )
+
+
+def may_tie(drive: DriveSpan, drives: Sequence[DriveSpan], xy: FloatArray) -> BoolArray:
+    """Return which places (n, 2) of some block may matter for lines that a drive has in common with others, (n,).
+
+    Along a road that no other drive passes there is nothing to tie: a survey with one road driven twice is looked at
+    twice along that road only.
+    """
+    if not len(xy):
+        return np.zeros(0, dtype=np.bool_)
+    cell = np.floor(xy / _CELL_M).astype(np.int64)
+    first = cell.min(axis=0)
+    n = cell.max(axis=0) - first + 1
+    grid = np.stack(np.meshgrid(np.arange(n[0]), np.arange(n[1]), indexing="ij"), axis=-1).reshape(-1, 2)
+    place = (grid + first + 0.5) * _CELL_M
+    chosen = drive.is_near(place)
+    others = [other.is_near(place[chosen]) for other in drives if other is not drive]
+    chosen[chosen] = np.any(others, axis=0) if others else False
+    return np.asarray(chosen[(cell[:, 0] - first[0]) * n[1] + cell[:, 1] - first[1]])
 
 
 def _picked(time_s: FloatArray) -> IntArray:
@@ -138,7 +167,7 @@ def _beside(place: FloatArray, ahead: FloatArray, is_other: Any) -> BoolArray:
     beside = np.zeros(len(place), dtype=np.bool_)
     tree = cKDTree(place - place[0])
     for i in range(len(place)):
-        near = np.asarray(tree.query_ball_point(place[i] - place[0], _SAME_ROAD_M), dtype=np.int64)
+        near = np.asarray(tree.query_ball_point(place[i] - place[0], SHARED_ROAD_M), dtype=np.int64)
         near = near[is_other(i, near)]
         beside[i] = bool(np.any(np.abs(ahead[near] @ ahead[i]) >= _PARALLEL))
     return beside
@@ -150,10 +179,10 @@ def _returns(time_s: FloatArray, xy: FloatArray) -> list[float]:
         return []
     time, place = _spaced(time_s, xy)
     ahead, tree = _ahead(place), cKDTree(place - place[0])
-    n_left, n_shared = int(_LEFT_M / _PLACE_M), int(_LEAST_SHARED_M / _PLACE_M)
+    n_left, n_shared = int(_LEFT_M / _PLACE_M), int(LEAST_SHARED_M / _PLACE_M)
     cuts, first, n_beside = list[float](), 0, 0
     for i in range(len(place)):
-        near: AnyArray = np.asarray(tree.query_ball_point(place[i] - place[0], _SAME_ROAD_M), dtype=np.int64)
+        near: AnyArray = np.asarray(tree.query_ball_point(place[i] - place[0], SHARED_ROAD_M), dtype=np.int64)
         near = near[(near >= first) & (near < i - n_left)]
         n_beside = n_beside + 1 if np.any(np.abs(ahead[near] @ ahead[i]) >= _PARALLEL) else 0
         if n_beside == n_shared:

@@ -17,7 +17,7 @@ from linework.lines.crosscuts import axis_along, cross_cuts
 from linework.model.columns import Columns, column
 from linework.model.lines import STACKED_FORM, LineSet
 from linework.runs.drives.adjustment import DriveTies, PathCorrection
-from linework.runs.drives.separate import DriveSpan
+from linework.runs.drives.separate import LEAST_SHARED_M, SHARED_ROAD_M, DriveSpan
 
 #: Kinds of line that tie drives: those that any drive measures at the same place. A fence or a hedge has no such place.
 TIE_KINDS = ("lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier")
@@ -129,6 +129,29 @@ def tie_drives(
     n_here = sum(np.isfinite(drive.passing_s(place)).astype(np.int64) for drive in drives)
     return DriveTies(ties.time_s, ties.other_s, ties.normal, ties.apart_m,
                      ties.sigma_m * np.sqrt(np.maximum(n_here, 2) / 2.0))  # fmt: skip
+
+
+def holds_all_along(drives: Sequence[DriveSpan], ties: DriveTies) -> bool:
+    """Return whether ties follow each other along all of the road that drives share.
+
+    False where two drives pass a stretch as long as the shortest that counts as shared, and no line ties them there.
+    """
+    for one, other in permutations(drives, 2):
+        shared = one.xy[np.isfinite(other.passing_s(one.xy, SHARED_ROAD_M))]
+        if not len(shared):
+            continue
+        tied = [
+            own[one.holds(own) & other.holds(others)]
+            for own, others in ((ties.time_s, ties.other_s), (ties.other_s, ties.time_s))
+        ]
+        at = np.concatenate(tied)
+        if not len(at):
+            return False
+        place = np.stack([np.interp(at, one.time_s, c) for c in one.xy.T], axis=1)
+        away, _ = cKDTree(place - one.xy[0]).query(shared - one.xy[0])
+        if away.max() > 0.5 * LEAST_SHARED_M:
+            return False
+    return True
 
 
 def _joined(drives: Sequence[DriveSpan], axis: int) -> tuple[FloatArray, FloatArray]:
