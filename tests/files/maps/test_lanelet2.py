@@ -11,8 +11,8 @@ from tests.scenes.map_scenes import UTM, road_lines
 
 from linework.crs import parse_crs
 from linework.errors import CrsError, InputError, LineworkWarning
-from linework.files.maps.apart import NEAREST_M
 from linework.files.maps.degrees import from_degrees, in_degrees
+from linework.files.maps.lanelets import NEAREST_M
 from linework.files.vectors.read_write import not_expressed, read_lines, write_lines
 from linework.model.lines import LineSet
 
@@ -143,7 +143,7 @@ def test_maps_of_others_are_read_in_a_crs_that_is_given(tmp_path):
     with pytest.warns(LineworkWarning, match="left out way 12: node 99 is not in the file and 1 other"):
         lines = read_lines(path, crs="EPSG:32632")
     assert lines.kind.tolist() == ["lane_marking", "road_boundary"]
-    assert lines.pattern.tolist() == ["dashed", ""] and lines.double.tolist() == [True, False]
+    assert lines.pattern.tolist() == ["solid_dashed", ""] and lines.double.tolist() == [True, False]
     assert lines.form.tolist() == ["", "kerb"]
     assert lines.xyz[:2, 2].tolist() == [1.5, 0.0]
     assert abs(lines.length_m[1] - 7.3) < 0.1  # 0.0001 degrees of longitude at latitude 49

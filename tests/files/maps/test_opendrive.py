@@ -258,7 +258,11 @@ def test_roads_of_others_are_evaluated(tmp_path):
     with pytest.warns(LineworkWarning, match="left out road 8: a geometry of an unknown type"):
         lines = read_lines(path)
     assert lines.kind.tolist() == ["road_boundary", "lane_marking", "lane_marking"]
-    assert lines.pattern.tolist() == ["", "dashed", "solid"] and lines.double.tolist() == [False, False, True]
+    assert lines.pattern.tolist() == ["", "dashed", "solid_solid"] and lines.double.tolist() == [
+        False,
+        False,
+        True,
+    ]
     assert lines.form.tolist() == ["kerb", "", ""] and lines.width_m[2] == 0.12
     left = lines[2].xyz - np.array([100, 200, 5])
     cos, sin = np.cos(0.025), np.sin(0.025)

@@ -6,9 +6,7 @@ Separate from `samples`: dashes are counted along their marking, not at stations
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,10 +14,9 @@ from scipy.spatial import cKDTree
 from linework.arrays import FloatArray
 from linework.evaluation.chainage.samples import Sample
 from linework.lines.crosscuts import Axis
+from linework.lines.dashes import dashes_by_marking
 from linework.model.lines import LineSet
 
-#: A dash belongs to the marking whose line is this near to its middle. [m]
-_NEAR_M = 0.3
 #: Stations beyond this are those of another road. [m]
 _FAR_M = 30.0
 
@@ -61,30 +58,6 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
                 yield Sample(s, offset, "marking", "gap_length", name, None, math.nan)
             elif not missing:
                 yield Sample(s, offset, "marking", "gap_length", name, float(gaps[place]), math.nan)
-
-
-def dashes_by_marking(lines: LineSet) -> Iterator[tuple[str, int, FloatArray]]:
-    """Yield the id and the number of each dashed marking, and the ends (k, 2, 2) of its dashes."""
-    marks = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern == "dashed"))
-    dashes = np.flatnonzero(lines.kind == "lane_marking_dash")
-    if not len(marks) or not len(dashes):
-        return
-    places, owner = [], []
-    for i in marks.tolist():
-        xy = lines[i].xyz[:, :2]
-        for a, b in pairwise(xy):
-            n = max(math.ceil(float(np.linalg.norm(b - a)) / (_NEAR_M / 2)), 1)
-            places.append(a + np.linspace(0.0, 1.0, n + 1)[:, None] * (b - a))
-            owner.append(np.full(n + 1, i))
-    tree, owners = cKDTree(np.concatenate(places)), np.concatenate(owner)
-    found: dict[int, list[FloatArray]] = defaultdict(list)
-    for i in dashes.tolist():
-        xy = lines[i].xyz[:, :2]
-        away, nearest = tree.query((xy[0] + xy[-1]) / 2)
-        if away <= _NEAR_M:
-            found[int(owners[nearest])].append(np.stack([xy[0], xy[-1]]))
-    for i in sorted(found):
-        yield str(lines.id[i]) or f"line {i + 1}", i, np.stack(found[i])
 
 
 def _is_bridged(lines: LineSet, i: int, a: FloatArray, b: FloatArray) -> bool:

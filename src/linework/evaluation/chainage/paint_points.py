@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, IntArray, distance_along
-from linework.evaluation.chainage.dashes_along import dashes_by_marking
+from linework.lines.dashes import dashes_by_marking
 from linework.model.columns import Columns, column
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet

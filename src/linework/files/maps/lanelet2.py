@@ -22,12 +22,12 @@ import shapely
 from linework.arrays import FloatArray, IntArray
 from linework.crs import parse_crs
 from linework.errors import CrsError, InputError, MachineError, argument
-from linework.files.maps.apart import NEAREST_M, set_apart
 from linework.files.maps.degrees import Heights, from_degrees, in_degrees
 from linework.files.maps.lanelet2_tags import kind_of_tags, tags_of_line
-from linework.files.maps.lanelets import Lanelet, lanelet_map
+from linework.files.maps.lanelets import NEAREST_M, Lanelet, lanelet_map, set_apart
 from linework.files.maps.xml_text import children, field_texts, read_xml, text_table, xml_quoted
 from linework.files.vectors.gdal import foreign_lines
+from linework.lines.doubles import merged_doubles
 from linework.model.lines import LineSet
 
 #: 1e-11 degrees are about a micrometre.
@@ -102,6 +102,7 @@ def _expressed(
     lines: LineSet, location: str = ""
 ) -> tuple[LineSet, list[dict[str, str]], tuple[Lanelet, ...]]:
     """Return the lines that Lanelet2 has a type for, their tags, and lanelets between them if these have a location."""
+    lines = merged_doubles(lines).lines
     lanelets: tuple[Lanelet, ...] = ()
     if location:
         lines, lanelets, _ = lanelet_map(lines)
@@ -115,10 +116,15 @@ def _expressed(
 
 def lanelet2_losses(lines: LineSet, location: str = "") -> tuple[str, ...]:
     """Return what a Lanelet2 map cannot hold of these lines, and of the lanes between them if these have a location."""
-    fields = field_texts(lines)
+    doubles = merged_doubles(lines)
+    lines, fields = doubles.lines, field_texts(doubles.lines)
     out = [str(lines.kind[i]) for i in range(len(lines)) if not tags_of_line(lines[i], fields[i], number=i)]
     found = [f"{out.count(kind):,} lines of {kind or 'no kind'}" for kind in dict.fromkeys(out)]
     n_thinned = len(_expressed(lines)[0].xyz) - len(set_apart(_expressed(lines)[0]).xyz)
+    if doubles.stripes:
+        found.append(
+            f"the places of both stripes of {len(doubles.stripes):,} double lines, each of which is one line in their middle"
+        )
     if n_thinned:
         found.append(f"{n_thinned:,} vertices nearer than {NEAREST_M * 100:.0f} cm to the one before")
     left_out = lanelet_map(lines).left_out if location else ()

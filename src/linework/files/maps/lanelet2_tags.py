@@ -12,6 +12,10 @@ from linework.model.lineset.line import Line
 #: Paint of this width and more is `line_thick`: between the narrow (10 to 15 cm) and the wide lines (25 to 30 cm) of
 #: European rules (Germany's RMS-1, Britain's Traffic Signs Manual 5). [m]
 _THICK_M = 0.20
+#: Of double lines, from the outer edge of one to that of the other: two of 0.20 m with a gap of 0.10 m. [m]
+_THICK_DOUBLE_M = 0.50
+#: Patterns of double lines, from left to right. Two dashed lines are not among the subtypes.
+DOUBLE_PATTERNS = ("solid_solid", "solid_dashed", "dashed_solid", "dashed_dashed")
 #: Upstand of a kerb that a vehicle does not drive over: 60 mm is the least that can be felt with a cane and by a driver
 #: (Britain's Inclusive Mobility); dropped kerbs have up to 25 mm. [m]
 _HIGH_KERB_M = 0.06
@@ -39,9 +43,10 @@ def tags_of_line(line: Line, fields: Mapping[str, str], *, number: int) -> dict[
     """
     kind, form = str(line.kind), str(line.form)
     if kind == "lane_marking":
-        is_thick = line.width_m >= _THICK_M
+        pattern = str(line.pattern)
+        is_thick = line.width_m >= (_THICK_DOUBLE_M if pattern in DOUBLE_PATTERNS else _THICK_M)
         tags = {"type": "line_thick" if is_thick else "line_thin"}
-        tags |= {"subtype": str(line.pattern)} if line.pattern else {}
+        tags |= {"subtype": "dashed" if pattern == "dashed_dashed" else pattern} if pattern else {}
         tags |= {"width": fields["width_m"]} if "width_m" in fields else {}
     elif kind == "road_boundary" and form == "kerb":
         tags = {"type": "curbstone"}
@@ -67,13 +72,15 @@ def kind_of_tags(tags: Mapping[str, str]) -> dict[str, str]:
     >>> found = kind_of_tags({"type": "line_thin", "subtype": "dashed"})
     >>> found["kind"], found["pattern"]
     ('lane_marking', 'dashed')
+    >>> kind_of_tags({"type": "line_thick", "subtype": "solid_dashed"})["pattern"]
+    'solid_dashed'
     """
     kind, subtype = tags.get("type", ""), tags.get("subtype", "")
     found = {name: text for name, text in tags.items() if not name.startswith(OWN)}
     found["kind"] = _KINDS.get(kind, kind or "way")
     if kind in ("line_thin", "line_thick"):
-        found |= {"pattern": "dashed" if "dashed" in subtype else "solid"} if subtype else {}
-        if "_" in subtype:
+        found |= {"pattern": subtype} if subtype in ("solid", "dashed", *DOUBLE_PATTERNS) else {}
+        if subtype in DOUBLE_PATTERNS:
             found["double"] = "true"
     elif kind in ("curbstone", "road_border"):
         found["form"] = "kerb" if kind == "curbstone" else "edge"

@@ -11,7 +11,7 @@ direction of travel: none of that was measured.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,8 +23,10 @@ import pyproj
 from linework.arrays import FloatArray, distance_along
 from linework.crs import LOCAL, horizontal_part
 from linework.errors import MachineError, UsageError
+from linework.files.maps.opendrive_marks import Drawn, road_mark, user_data
 from linework.files.maps.opendrive_read import SECTION_END_M, read_opendrive
 from linework.files.maps.xml_text import field_texts, xml_quoted
+from linework.lines.doubles import merged_doubles
 from linework.lines.lane_sections import LaneRoad, LaneSection, lane_roads
 from linework.lines.names import with_ids
 from linework.model.lines import POLE, LineSet
@@ -42,7 +44,6 @@ _LINEAR_M, _SAME_M = 2e-4, 1e-3
 _BANK_M = 10.0
 #: What its records may differ by: 0.03 mm at 30 m. [rad]
 _BANK_EXACT = 1e-6
-_MARK_TYPES = {"solid": "solid", "dashed": "broken"}
 
 
 class _Object(NamedTuple):
@@ -70,7 +71,8 @@ def write_opendrive(
     UsageError
         No two lines are beside each other as the bounds of a lane are.
     """
-    lines = with_ids(lines, ())
+    doubles = merged_doubles(with_ids(lines, ()))
+    lines = doubles.lines
     roads = lane_roads(lines)
     if not roads:
         raise UsageError(
@@ -78,13 +80,13 @@ def write_opendrive(
             advice="write .osm or .gpkg",
         )  # fmt: skip
     offset = np.round(lines.xyz[:, :2].mean(axis=0), -3)
-    fields = field_texts(lines)
+    drawn = Drawn(lines, field_texts(lines), doubles.stripes)
     objects = _objects(lines, roads)
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n')
         file.write(_header(lines, offset))
         for i, road in enumerate(roads):
-            file.write(_road(road, i + 1, lines, offset, objects.get(i, []), fields, has_lanes=lanes))
+            file.write(_road(road, i + 1, drawn, offset, objects.get(i, []), has_lanes=lanes))
         file.write("</OpenDRIVE>\n")
 
 
@@ -109,8 +111,7 @@ def _header(lines: LineSet, offset: FloatArray) -> str:
 
 
 def _road(
-    road: LaneRoad, number: int, lines: LineSet, offset: FloatArray, objects: Sequence[_Object],
-    fields: Sequence[Mapping[str, str]], *, has_lanes: bool,
+    road: LaneRoad, number: int, drawn: Drawn, offset: FloatArray, objects: Sequence[_Object], *, has_lanes: bool,
 ) -> str:  # fmt: skip
     first, last = road.sections[0].first, road.sections[-1].last
     begin_m = float(road.station_m[first])
@@ -123,7 +124,7 @@ def _road(
         rows = slice(section.first - first, section.last - first + 1)
         across = _on_plane(section.offset_m, _above(section), np.interp(station[rows], *bank)[:, None])[0]
         centre[rows], level[rows] = across[:, section.centre], _levels(section)
-    name = str(lines.id[road.sections[0].bounds[road.sections[0].centre]])
+    name = str(drawn.lines.id[road.sections[0].bounds[road.sections[0].centre]])
     texts = [
         f'<road name={xml_quoted(name)} length="{float(length)!r}" id="{number}" junction="-1">',
         _plan(road, begin_m, begin_m + length, offset),
@@ -142,13 +143,11 @@ def _road(
         kept.append(replace(section, offset_m=across, is_lane=is_lane))
     for i, section in enumerate(kept):
         neighbours = (kept[i - 1] if i else None, kept[i + 1] if i + 1 < len(kept) else None)
-        texts.append(_lane_section(section, neighbours, road.station_m, begin_m, lines, fields))
+        texts.append(_lane_section(section, neighbours, road.station_m, begin_m, drawn))
     texts.append("</lanes>")
     if objects:
         texts.append(
-            "<objects>"
-            + "".join(_object(o, lines, bank, station, level, fields) for o in objects)
-            + "</objects>"
+            "<objects>" + "".join(_object(o, drawn, bank, station, level) for o in objects) + "</objects>"
         )
     return "\n".join([*texts, "</road>\n"])
 
@@ -259,7 +258,7 @@ def _shapes(road: LaneRoad, begin_m: float, bank: tuple[FloatArray, FloatArray])
 
 def _lane_section(
     section: LaneSection, neighbours: tuple[LaneSection | None, LaneSection | None], station_m: FloatArray, begin_m: float,
-    lines: LineSet, fields: Sequence[Mapping[str, str]],
+    drawn: Drawn,
 ) -> str:  # fmt: skip
     at = station_m[section.first : section.last + 1]
     texts = {True: "", False: ""}
@@ -276,13 +275,13 @@ def _lane_section(
         )
         texts[is_left] += (
             f'<lane id="{number}" type="{"driving" if section.is_lane[j] else "none"}" level="false"><link>{links}</link>'
-            f"{_records('width', 'sOffset', at - at[0], width)}{_mark(lines, section.bounds[outer], fields)}</lane>"
+            f"{_records('width', 'sOffset', at - at[0], width)}{road_mark(drawn, section.bounds[outer], is_left=is_left)}</lane>"
         )
     left, right = (
         f"<{name}>{texts[side]}</{name}>" if texts[side] else ""
         for name, side in (("left", True), ("right", False))
     )
-    centre = f'<center><lane id="0" type="none" level="false">{_mark(lines, section.bounds[section.centre], fields)}</lane></center>'
+    centre = f'<center><lane id="0" type="none" level="false">{road_mark(drawn, section.bounds[section.centre])}</lane></center>'
     return f'<laneSection s="{float(float(at[0]) - begin_m)!r}">{left}{centre}{right}</laneSection>'
 
 
@@ -296,27 +295,6 @@ def _same_lane(section: LaneSection, j: int, other: LaneSection) -> int | None:
     pair = section.bounds[j : j + 2]
     found = [k for k in range(len(other.bounds) - 1) if other.bounds[k : k + 2] == pair]
     return found[0] if found and other.is_lane[found[0]] == section.is_lane[j] else None
-
-
-def _mark(lines: LineSet, i: int, fields: Sequence[Mapping[str, str]]) -> str:
-    """Return the road mark of a bound; its colour was not measured, and its fields are data of ours."""
-    line = lines[i]
-    if line.kind == "road_boundary":
-        kind = "curb" if line.form == "kerb" else "edge"
-    else:
-        kind = _MARK_TYPES.get(str(line.pattern), "custom")
-    width = f' width="{float(line.width_m)!r}"' if line.width_m > 0 else ""
-    change = "both" if kind == "broken" else "none"
-    return (
-        f'<roadMark sOffset="0.0" type="{kind}" weight="standard" color="standard"{width} laneChange="{change}">'
-        f"{_user_data(fields[i])}</roadMark>"
-    )
-
-
-def _user_data(fields: Mapping[str, str]) -> str:
-    return "".join(
-        f"<userData code={xml_quoted('linework:' + k)} value={xml_quoted(v)}/>" for k, v in fields.items()
-    )
 
 
 def _objects(lines: LineSet, roads: Sequence[LaneRoad]) -> dict[int, list[_Object]]:
@@ -346,9 +324,9 @@ def _objects(lines: LineSet, roads: Sequence[LaneRoad]) -> dict[int, list[_Objec
 
 
 def _object(
-    one: _Object, lines: LineSet, bank: tuple[FloatArray, FloatArray], station: FloatArray, level: FloatArray,
-    fields: Sequence[Mapping[str, str]],
+    one: _Object, drawn: Drawn, bank: tuple[FloatArray, FloatArray], station: FloatArray, level: FloatArray
 ) -> str:  # fmt: skip
+    lines = drawn.lines
     up = one.xyz[:, 2] - np.interp(one.s_m, station, level)
     across = one.t_m / np.cos(np.interp(one.s_m, *bank))
     vertices = "".join(
@@ -358,7 +336,7 @@ def _object(
     return (
         f"<object id={xml_quoted(lines.id[one.line])} name={xml_quoted(lines.kind[one.line])} {_OBJECTS[str(lines.kind[one.line])]} "
         f's="{float(max(float(one.s_m[0]), 0.0))!r}" t="{float(across[0])!r}" zOffset="{float(up[0])!r}">'
-        f'{_user_data(fields[one.line])}<skeleton><polyline id="1">{vertices}</polyline></skeleton></object>'
+        f'{user_data(drawn.fields[one.line])}<skeleton><polyline id="1">{vertices}</polyline></skeleton></object>'
     )
 
 
@@ -383,10 +361,15 @@ def _expected(lines: LineSet) -> dict[str, list[FloatArray]]:
 
 def opendrive_losses(lines: LineSet) -> tuple[str, ...]:
     """Return what an OpenDRIVE file cannot hold of these lines."""
-    lines = with_ids(lines, ())
+    doubles = merged_doubles(with_ids(lines, ()))
+    lines = doubles.lines
     there = _expected(lines)
     out = [str(lines.kind[i]) for i in range(len(lines)) if str(lines.id[i]) not in there]
     found = [f"{out.count(kind):,} lines of {kind or 'no kind'}" for kind in dict.fromkeys(out)]
+    if doubles.stripes:
+        found.append(
+            f"the places of both stripes of {len(doubles.stripes):,} double lines, each of which is one road mark in their middle"
+        )
     whole_m = float(lines.length_m[np.isin(lines.id, list(there)) & (lines.kind != POLE)].sum())
     there_m = sum(float(distance_along(piece)[-1]) for pieces in there.values() for piece in pieces)
     if whole_m - there_m >= 1.0:
@@ -408,7 +391,7 @@ def verify_opendrive(
     MachineError
         Not the lines that were written.
     """
-    lines = with_ids(lines, ())
+    lines = merged_doubles(with_ids(lines, ())).lines
     back = read_opendrive(part, "kind", None, None, [])
     for name, pieces in _expected(lines).items():
         own = back.take(back.id == name)

@@ -225,15 +225,18 @@ def _borders(
     found = []
     for number in sorted(border):
         marks = children(lanes[number], "roadMark") if number in lanes else []
-        row = _row_of_mark(marks[0]) if marks else None
+        row = _row_of_mark(marks[0], is_left=number > 0) if marks else None
         if row is not None:
             t = border[number]
             found.append((row, road.places(at, t, road.rise(at, t))))
     return found
 
 
-def _row_of_mark(mark: Element) -> dict[str, str] | None:
-    """Return the fields of the outer border of a lane, None without a line."""
+def _row_of_mark(mark: Element, *, is_left: bool) -> dict[str, str] | None:
+    """Return the fields of the outer border of a lane, None without a line.
+
+    Double lines are named from the inside of the road to its outside, in its middle from left to right.
+    """
     kind = mark.get("type", "none")
     own = _user_data(mark)
     if kind == "none" and not own:
@@ -242,8 +245,8 @@ def _row_of_mark(mark: Element) -> dict[str, str] | None:
     if kind in _KINDS:
         row["form"] = "kerb" if kind == "curb" else "edge"
     else:
-        words = kind.split()
-        row["pattern"] = _PATTERNS.get(words[0], "")
+        words = [_PATTERNS.get(word, "") for word in kind.split()]
+        row["pattern"] = "_".join(words[::-1] if is_left else words) if all(words) else ""
         row["double"] = "true" if len(words) > 1 else ""
     if mark.get("width"):
         row["width_m"] = str(mark.get("width"))

@@ -40,7 +40,7 @@ _METRES, _STRING = 6, 1000
 _MAX_TEXT = 250
 #: Patterns of paint that have layers of their own, and the line type of dashed ones: a sign, not the measured rhythm,
 #: which the dashes themselves have. [m: whole, dash, gap]
-_PATTERNS = ("solid", "dashed")
+_PATTERNS = ("solid", "dashed", "solid_solid", "solid_dashed", "dashed_solid", "dashed_dashed")
 _DASHED, _DASHED_PATTERN = "LINEWORK_DASHED", (2.0, 1.0, -1.0)
 
 

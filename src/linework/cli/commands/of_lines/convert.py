@@ -35,6 +35,12 @@ def convert(
     ] = None,
     lanes: WithLanes = False,
     location: Location = "",
+    merge_doubles: Annotated[
+        bool,
+        typer.Option(
+            "--merge-doubles", help="Write each double line as one line (.osm and .xodr always do)."
+        ),
+    ] = False,
 ) -> None:
     """Convert LINES to another vector format.
 
@@ -55,9 +61,15 @@ def convert(
         read_usable_lines,
         write_lines,
     )
+    from linework.lines.doubles import merged_doubles
 
     check_lanes(output, lanes=lanes, location=location)
     if output.suffix.lower() == ".qgz":
+        if merge_doubles:
+            raise UsageError(
+                f"a project refers to {lines}, which has the stripes", where=argument("merge_doubles", True),
+                advice="merge into a .gpkg first",
+            )  # fmt: skip
         from linework.files.maps.qgis_project import write_qgis_project
 
         with reserve_output(output, overwrite=overwrite, inputs=[lines]):
@@ -72,6 +84,8 @@ def convert(
     with reserve_output(output, overwrite=overwrite, inputs=[lines, codes]):
         table = read_cad_codes(codes) if codes is not None else ()
         found, left_out = read_usable_lines(lines, crs=crs)
+        if merge_doubles:
+            found = merged_doubles(found).lines
         points = read_point_layers(lines)
         write_lines(
             found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights,
