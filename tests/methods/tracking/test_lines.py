@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.scenes.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
+from tests.scenes.worn_lines import worn_dashes, worn_solid
 
 from linework.methods.obb.method import Obb
 from linework.methods.protocol import SurveyContext
@@ -103,6 +104,36 @@ def test_a_worn_solid_line_has_none(left):
         start = np.arange(0.0, 100.0, 0.45)
         start = start[rng.random(len(start)) < left]
         assert find_rhythm(merged_intervals(start, start + 0.45, 0.05)) is None
+
+
+@pytest.mark.parametrize(("dash", "gap"), [(1.5, 1.5), (3.0, 3.0), (2.0, 4.0), (3.0, 9.0)])
+def test_dashes_have_a_rhythm_along_bends(dash, gap):
+    rng = np.random.default_rng(11)
+    found = [find_rhythm(worn_dashes(rng, length_m=140.0, dash_m=dash, gap_m=gap)) for _ in range(12)]
+    right = [r for r in found if r is not None and r.period_m == pytest.approx(dash + gap, rel=0.04)]
+    assert len(right) >= 10
+
+
+def test_patches_of_wear_make_no_rhythm():
+    rng = np.random.default_rng(12)
+    found = [
+        find_rhythm(worn_solid(rng, length_m=length, bare_m=bare, left=left))
+        for length in (60.0, 150.0, 300.0)
+        for bare in (0.5, 1.25, 2.5)
+        for left in (0.2, 0.5, 0.7)
+        for _ in range(5)
+    ]
+    assert sum(rhythm is not None for rhythm in found) <= 2
+
+
+def test_a_piece_of_a_dashed_line_is_dashed_too():
+    # Behind a side street lie three dashes, too few to show a rhythm of their own
+    there = [straight(1.5, x=3.0 * k) for k in range(20)]
+    markings, _ = lines_of(boxes_on(*there, *(straight(1.5, x=75.0 + 3.0 * k) for k in range(3))))
+    assert len(markings) == 2
+    lines = marking_lines.marking_line_set(markings, "lane_marking")
+    assert lines.pattern.tolist() == ["dashed", "dashed"]
+    assert len(marking_lines.dash_lines(markings, ["centre", "centre"])) == 23
 
 
 def test_a_dashed_line_is_one_line_with_its_dashes():

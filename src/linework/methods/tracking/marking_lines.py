@@ -161,10 +161,11 @@ def _markings(boxes: BoxSet, box: IntArray, visible: Sight) -> list[SmoothMarkin
         for k in np.flatnonzero(gap > longest).tolist()
         if visible_share(visible, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
     ]
-    if not cuts and len(box) >= 2:
-        return _by_pattern(boxes, box, stretches)
-    pieces = [piece for piece in np.split(box, cuts) if len(piece) >= 2]
-    return [marking for piece in pieces for marking in _by_pattern(boxes, piece, None)]
+    found: list[SmoothMarking] = []
+    for first, piece in zip([0, *cuts], np.split(box, cuts), strict=True):
+        if len(piece) >= 2:
+            found += _by_pattern(boxes, piece, stretches, float(t[first]))
+    return found
 
 
 def _longest_gap(t: FloatArray, reach: FloatArray, rhythm: PaintRhythm | None) -> float:
@@ -203,24 +204,39 @@ def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
 
 
 def _by_pattern(
-    boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch] | None
+    boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch], start_m: float
 ) -> list[SmoothMarking]:
-    """Return the markings through boxes (k,): one smooth line, cut where its pattern changes, if that is known."""
+    """Return the markings through boxes (k,) of a track from `start_m` on: one smooth line, cut where its pattern changes.
+
+    A piece that is too short to show a pattern has that of its track.
+    """
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
     paint = merged_intervals(t - reach, t + reach, CLOSE_M)
     line = smooth_line(boxes, box, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
-    stretches = find_stretches(paint) if stretches is None else stretches
-    if len(stretches) == 1:
-        return [_marking(boxes, box, line, paint, stretches[0].rhythm)]
+    own_stretches = find_stretches(paint)
+    if all(stretch.rhythm is None for stretch in own_stretches):
+        own_stretches = _within(stretches, start_m, paint) or own_stretches
+    if len(own_stretches) == 1:
+        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm)]
     found = []
-    for stretch in stretches:
+    for stretch in own_stretches:
         own = box[(t >= stretch.start_m) & (t <= stretch.end_m)]
         inside = paint[(paint[:, 1] > stretch.start_m) & (paint[:, 0] < stretch.end_m)]
         if len(own) >= 2 and len(inside):
             part = _cut(line, stretch.start_m, stretch.end_m)
             found.append(_marking(boxes, own, part, inside, stretch.rhythm))
     return found
+
+
+def _within(stretches: Sequence[PatternStretch], start_m: float, paint: FloatArray) -> list[PatternStretch]:
+    """Return the stretches of a track that a piece of it has paint (k, 2) in, from its own beginning."""
+    first, last = float(paint[0, 0]), float(paint[:, 1].max())
+    return [
+        replace(s, start_m=max(s.start_m - start_m, first), end_m=min(s.end_m - start_m, last))
+        for s in stretches
+        if s.start_m - start_m < last and s.end_m - start_m > first
+    ]
 
 
 def _marking(
