@@ -88,7 +88,8 @@ def test_a_profile_scanner_at_walking_speed_uphill_is_left_alone(tmp_path, speed
 
 
 def test_surveys_without_turns_are_left_alone(tmp_path):
-    points, _ = turned_street(7, n_turns=12)
+    points, _ = turned_street(7, n_turns=40)
+    assert levels_of(tmp_path / "turns", points) is not None
     at_once = points.time_s * 0.0 + 5.0
     stations = 1000.0 + np.floor((points.time_s - 1000.0) * 10.0 + 0.5) * 300.0
     for name, time in (("one", at_once), ("stations", stations)):
@@ -122,6 +123,29 @@ def test_few_cells_and_turns_taken_together_do_as_well(tmp_path, monkeypatch):
     together = levels_of(tmp_path / "two", points)
     assert len(together.number) == len(levels.number)
     assert np.array_equal(together.planes.plane[0], together.planes.plane[1])
+    assert blur_m(together.levelled(points)) < 0.9 * blur_m(points)
+
+
+@pytest.mark.filterwarnings("ignore:.*not taken for road")
+def test_a_killed_run_goes_on_with_the_turns_that_are_levelled(tmp_path):
+    points, _ = turned_street(10, n_turns=40)
+    stages = []
+
+    def killing(stage, done, total):
+        stages.append(stage)
+        if stage == "find lines":
+            raise KeyboardInterrupt
+
+    given = {"kinds": "road_boundary", "work": tmp_path / "work"}
+    with pytest.raises(KeyboardInterrupt):
+        linework.extract(points, progress=killing, **given)
+    assert "level turns" in stages
+    stages.clear()
+    resumed = linework.extract(
+        points, progress=lambda stage, done, total: stages.append(stage), resume=True, **given
+    )
+    assert "level turns" not in stages
+    assert resumed == linework.extract(points.take(np.arange(len(points))[::-1]), kinds="road_boundary")
 
 
 def test_kerbs_are_found_that_no_sum_of_turns_shows(tmp_path):

@@ -12,8 +12,9 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 
-#: Heights over the ground of what passes: above any kerb, and as high as lorries may be (directive 96/53/EC: 4 m). [m]
-_LOWEST_M, _HIGHEST_M = 0.2, 4.0
+#: Heights over the ground of the part of a trail that is left out: above any kerb, and below what hangs over a road. What
+#: is higher looks like no edge, rail or fence. [m]
+_LOWEST_M, _HIGHEST_M = 0.2, 2.0
 #: A place was free for this many turns at least, and for half of those that saw it.
 _LEAST_FREE, _LEAST_FREE_SHARE = 8, 0.5
 #: Ground is the lowest point of a turn in a cell that this share of turns is below: a few look under the ground by an echo.
@@ -37,7 +38,7 @@ def is_passing(height_m: FloatArray, cell: IntArray, turn: IntArray) -> BoolArra
 
     Notes
     -----
-    A cell of which two turns or more saw something between 0.2 and 4 m over the ground, and at least 8 turns and half of all
+    A cell of which two turns or more saw something between 0.2 and 2 m over the ground, and at least 8 turns and half of all
     that saw it nothing, while those that saw something follow each other in time. Parked cars, rails, fences and poles are
     there for all turns.
 

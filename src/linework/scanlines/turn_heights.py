@@ -40,8 +40,8 @@ _MOST_IN_CELL = 24
 _LEAST_SPREAD_M = 0.5
 #: Slopes of a turn hold this many times as far as its cells spread: beyond, what it saw moves as if it were there.
 _REACH = 3.0
-#: Standard deviation of recorded heights against which the mean of all turns is held: phase GNSS at its best. [m]
-RECORDED_SIGMA_M = 0.03
+#: Standard deviation of recorded heights to which the mean of all turns in a cell is held: phase GNSS at its best. [m]
+_RECORDED_SIGMA_M = 0.03
 #: From one turn to the next, height and slopes change by about so much; it only matters for turns that saw little: a van's
 #: springs and attitude in a tenth of a second. [m], [rad]
 _STEP_M, _STEP_RAD = 0.03, 0.003
@@ -137,7 +137,7 @@ def turn_planes(cells: TurnCells) -> TurnPlanes | None:
         to_cells = A.T @ weighted @ in_cell
         mean_of = to_cells @ sparse.diags(1.0 / total)
         normal = A.T @ weighted @ A - mean_of @ to_cells.T
-        normal = normal + (scale / RECORDED_SIGMA_M) ** 2 * (mean_of @ mean_of.T)
+        normal = normal + (scale / _RECORDED_SIGMA_M) ** 2 * (mean_of @ mean_of.T)
         normal = normal + scale**2 * _prior(n_turns)
         found = splu(normal.tocsc()).solve(A.T @ (weight * z) - mean_of @ (in_cell.T @ (weight * z)))
         residual = _less_mean(z - A @ found, at, weight)

@@ -43,7 +43,7 @@ def bar_costs(
     most: float,
     top: tuple[float, float],
 ) -> FloatArray:
-    """Return what lays a pipe and a square tube over a section at each place, (p, 3).
+    """Return how well a pipe and a square tube explain a section at each place, (p, 5).
 
     Parameters
     ----------
@@ -60,26 +60,29 @@ def bar_costs(
 
     Returns
     -------
-    (p, 3) float64
-        Sums of squared distances from the pipe and from the tube [m²], and the number of points on the tube's top.
+    (p, 5) float64
+        Sums of squared distances from the pipe and from the tube [m²], the numbers of points that are no farther than
+        `most` from each, and the number of points on the tube's top.
     """
-    out = np.zeros((len(places), 3))
+    out = np.zeros((len(places), 5))
     over, inside = top
     for j in range(len(places)):
-        pipe, box, on_top = 0.0, 0.0, 0.0
+        pipe, box, on_pipe, on_box, on_top = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(len(points)):
             number, across, tall = points[i, 0], abs(points[i, 1] - places[j]), points[i, 2]
             if tall > over and across < inside:
                 on_top += number
-            if across >= half + most:
+            if across > half + most:
                 pipe += number * most * most
                 box += number * most * most
                 continue
-            d = min(abs(np.hypot(across, tall) - half), most)
-            pipe += number * d * d
-            d = min(outside_of_tube(across, tall, half), most)
-            box += number * d * d
-        out[j, 0], out[j, 1], out[j, 2] = pipe, box, on_top
+            d = abs(np.hypot(across, tall) - half)
+            on_pipe += number if d <= most else 0.0
+            pipe += number * min(d, most) ** 2
+            d = outside_of_tube(across, tall, half)
+            on_box += number if d <= most else 0.0
+            box += number * min(d, most) ** 2
+        out[j, 0], out[j, 1], out[j, 2], out[j, 3], out[j, 4] = pipe, box, on_pipe, on_box, on_top
     return out
 
 

@@ -296,7 +296,7 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
 def _bars(
     weight: FloatArray, height: FloatArray, u: FloatArray, half: float, number: float
 ) -> list[OutlineFit]:
-    """Return how well a pipe and a square tube explain a band, their costs the sums of squared distances. [m²].
+    """Return how well a pipe and a square tube explain a band, their costs the sums of squared distances [m²].
 
     Parameters
     ----------
@@ -314,21 +314,15 @@ def _bars(
     top = half - TOP_HEIGHT_M, half - BEHIND_FACE_M
     costs = outlines.bar_costs(points, _PLACES, half, ON_OUTLINE_M, top)
     # Both sides may be the face: what is on top of a square tube lies between
-    has_top = costs[:, 2] >= TOP_SHARE * number
+    has_top = costs[:, 4] >= TOP_SHARE * number
     box = np.where(has_top, costs[:, 1], number * ON_OUTLINE_M**2)
     fits = []
-    for name, square in (("pipe", costs[:, 0]), ("box", box)):
+    for name, square, on in (
+        ("pipe", costs[:, 0], costs[:, 2]),
+        ("box", box, np.where(has_top, costs[:, 3], number)),
+    ):
         i = int(np.argmin(square))
-        across, tall = np.abs(points[:, 1] - _PLACES[i]), points[:, 2]
-        if name == "pipe":
-            is_on = np.abs(np.hypot(across, tall) - half) <= ON_OUTLINE_M
-        else:
-            sideways, upward = across - half, np.abs(tall) - half
-            outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
-            inside = np.maximum(-np.maximum(sideways, upward), 0.0)
-            is_on = (outside + inside <= ON_OUTLINE_M) | ~has_top[i]
-        on = float(points[is_on, 0].sum())
-        fits.append(OutlineFit(name, float(_PLACES[i]), on / number, float(square[i])))
+        fits.append(OutlineFit(name, float(_PLACES[i]), float(on[i]) / number, float(square[i])))
     return fits
 
 

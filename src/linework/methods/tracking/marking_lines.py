@@ -206,7 +206,9 @@ def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
 def _by_pattern(
     boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch], start_m: float
 ) -> list[SmoothMarking]:
-    """Return the markings through boxes (k,) of a track from `start_m` on: one smooth line, cut where its pattern changes.
+    """Return the markings through boxes (k,) of a track: one smooth line, cut where its pattern changes.
+
+    stretches: of the whole track, along which the boxes begin at `start_m`.
 
     A piece that is too short to show a pattern has that of its track.
     """

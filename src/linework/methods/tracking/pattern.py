@@ -181,9 +181,9 @@ def find_rhythm(paint: FloatArray, chance: float = RHYTHM_CHANCE) -> PaintRhythm
     The paint is folded over every period in use: in a dashed line one stretch of the period is free of paint in
     every repetition, and the rest is not. Wear removes paint, but not at the same place of each period. Along a bend the
     period changes, and a long line is out of phase with itself, so that lines are judged over windows of several lengths:
-    windows of which more than half show one period show it together, and those that show it best decide. That they agree is evidence of its own, for which no
-    more is asked of many windows than of one: of 4,000 solid lines of 60 to 300 m with patches worn off, 12 had a rhythm
-    (2026-11-26, `tests.scenes.worn_lines`).
+    windows of which more than half show one period show it together, and those that show it best decide. That they agree is
+    evidence of its own, for which no more is asked of many windows than of one: of 4,000 solid lines of 60 to 300 m with
+    patches worn off, 8 had a rhythm (2026-11-26, `tests.scenes.worn_lines`).
     """
     if len(paint) < 2 or np.max(paint[1:, 0] - paint[:-1, 1]) < LEAST_PAINT_GAP_M:
         return None

@@ -102,7 +102,8 @@ def find_lines_of_drives(
     -----
     The lines of each drive are found on its own points, where another one passes. They tie the drives: across at lines,
     in height, and along the road at dashes. Guardrails and barriers are looked for only where markings and boundaries leave
-    some of the shared road without a tie: across it theirs weigh a fifth of those at most. The points are moved by the correction when they are written into a tile store of this run, from which
+    some of the shared road without a tie: across it theirs weigh a fifth of those at most. The points are moved by the
+    correction when they are written into a tile store of this run, from which
     everything else follows as for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
     """
     chosen, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()

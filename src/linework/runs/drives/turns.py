@@ -74,7 +74,8 @@ class TurnLevels:
             All of an area whose edges are whole multiples of `TURN_CELL_M`.
         """
         assert points.time_s is not None
-        xyz = _lowered(points.xyz, self.too_high_m(points.time_s, points.xyz))
+        xyz = points.xyz.copy()
+        xyz[:, 2] -= self.too_high_m(points.time_s, xyz)
         cell = _joint(_places(xyz, self.origin))
         stays = ~is_passing(xyz[:, 2], cell, np.floor(points.time_s / self.length_s).astype(np.int64))
         level = Points(
@@ -95,8 +96,9 @@ def level_turns(
 
     Notes
     -----
-    Turns are levelled where they disagree by more than the noise with which they measure: the sum of them then hides what
-    each of them shows. Path and images stay: beams that are off in elevation tilt turns as a wrong path does. What passed while the scanner looked is left out. The levelled points lie in a tile store of this run.
+    Turns are levelled where they disagree by more than the noise with which they measure: all together then hide what each
+    of them shows. Path and images stay, for beams that are off in elevation tilt turns as a wrong path does. What passed
+    while the scanner looked is left out. The levelled points lie in a tile store of this run.
     """
     opened = recordings.points
     if opened is None or not opened.points.has_time:
@@ -145,7 +147,9 @@ def turn_levels(store: PointStore, advance: Advance) -> TurnLevels | None:
     origin = blocks[0] * STORE_BLOCK_M
     found = [_cells_of(points, origin, length_s, 1.0) for points in pieces]
     n_sampled, cells = sum(map(len, pieces)), sum(len(of) for of in found)
-    if not any(len(of) and np.median(np.bincount(_dense(of.cell))) >= LEAST_TURNS for of in found):
+    if not any(
+        len(of) and np.median(np.unique(of.cell, return_counts=True)[1]) >= LEAST_TURNS for of in found
+    ):
         return None
     # Turns that agree in pieces of a survey agree: most surveys need no more than those
     if not any(_disagree(turn_planes(_numbered(of, length_s)[1])) for of in found):
@@ -208,7 +212,7 @@ def _turn_length_s(pieces: list[Points]) -> float:
 
 
 def _cells_of(points: Points, origin: FloatArray, length_s: float, share: float) -> TurnCells:
-    """Return the mean heights of the turns in the cells of a block, in a share of its patches."""
+    """Return the mean heights of the turns in the cells of an area, in a share of its patches."""
     xyz, time = points.xyz - [*origin, 0.0], points.time_s
     assert time is not None
     place = _places(points.xyz, origin)
@@ -250,21 +254,12 @@ def _joint(place: IntArray) -> IntArray:
 
 
 def _is_drawn(number: IntArray, share: float) -> AnyArray:
-    """Return which numbers belong to a share of all: the same ones in any block and order (Fibonacci hashing)."""
+    """Return which numbers belong to a share of all: the same ones in any area and order (Fibonacci hashing)."""
     mixed = number.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     return np.asarray((mixed >> np.uint64(32)).astype(np.float64) < share * 2.0**32)
-
-
-def _dense(number: IntArray) -> IntArray:
-    return np.unique(number, return_inverse=True)[1].astype(np.int64)
 
 
 def _nearest(numbers: IntArray, wanted: IntArray) -> IntArray:
     """Return where in ascending numbers the nearest to each wanted one stands."""
     after = np.clip(np.searchsorted(numbers, wanted), 1, len(numbers) - 1)
     return after - (wanted - numbers[after - 1] < numbers[after] - wanted)
-
-
-def _lowered(xyz: FloatArray, by_m: FloatArray) -> FloatArray:
-    """Return places (n, 3) lower by (n,) [m]."""
-    return np.asarray(xyz - np.multiply.outer(by_m, [0.0, 0.0, 1.0]))
