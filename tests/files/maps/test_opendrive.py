@@ -310,3 +310,21 @@ def test_equal_lines_give_equal_bytes(tmp_path):
     for name in ("a", "b"):
         write_lines(changing_lines(), tmp_path / f"{name}.xodr")
     assert (tmp_path / "a.xodr").read_bytes() == (tmp_path / "b.xodr").read_bytes()
+
+
+def test_widths_of_many_lanes_add_up_to_no_millimetre(tmp_path):
+    x = np.arange(0.0, 150.0)
+    rows = [
+        np.column_stack(
+            [400_000.0 + x, 5_650_000.0 + k * (3.5 + 1.5e-4 * np.sin(x / 4.0)), np.full(len(x), 90.0)]
+        )
+        for k in range(14)
+    ]
+    lines = LineSet.from_lines(
+        rows, crs=UTM, id=[f"line-{k}" for k in range(14)], kind=["lane_marking"] * 14, pattern=["solid"] * 14
+    )
+    # Read back to the millimetre before it appears
+    write_lines(lines, tmp_path / "wide.xodr")
+    assert {name.partition(".")[0] for name in read_lines(tmp_path / "wide.xodr").id.tolist()} == set(
+        lines.id.tolist()
+    )

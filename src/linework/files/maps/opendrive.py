@@ -38,8 +38,9 @@ _OBJECTS = {
 }  # fmt: skip
 #: Farthest object from its road. [m]
 _REACH_M = 30.0
-#: What piecewise linear widths may differ from the stations; and what is compared after writing. [m]
-_LINEAR_M, _SAME_M = 2e-4, 1e-3
+#: What piecewise linear widths may differ from the stations: a bound lies at the sum of those of some ten lanes, and of
+#: the offset and the elevation; and what is compared after writing. [m]
+_LINEAR_M, _SAME_M = 5e-5, 1e-3
 #: Distance of the places between which the superelevation is linear: crossfall turns over tens of metres. [m]
 _BANK_M = 10.0
 #: What its records may differ by: 0.03 mm at 30 m. [rad]
