@@ -52,7 +52,8 @@ class BoxSet(Columns):
     form
         (n,) int8: see `BoxForm`.
     height_m
-        (n,) float64 [m]: step from the foot up to the top (boundaries); NaN for paint.
+        (n,) float64 [m]: step from the foot up to the top (boundaries); by how much the ground on the left of paint
+        lies higher than that on its right.
     top_v_m
         (n,) float64 [m]: position of the kerb's top edge along v from the centre (negative: away from the
         carriageway); NaN where there is none.

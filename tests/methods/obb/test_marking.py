@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from tests.scenes.box_scenes import boxes_on, everything_seen, straight
 from tests.scenes.paint_scenes import Stripe, in_scene, level_surface, road_points, tile_of
 
 from linework.arrays import FloatArray
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.tracking import marking_lines
+from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
 SLANTED = Stripe((1.0, 2.0), (11.0, 8.0))
@@ -39,7 +44,7 @@ def test_a_stripe_has_a_box_in_every_cell_and_each_lies_on_it(rng: np.random.Gen
     assert np.abs(np.abs(boxes.u @ SLANTED.direction) - 1.0).max() < 0.002
     assert np.abs(boxes.centre[:, 2] - 31.0).max() < 0.004
     assert np.abs(boxes.contrast - 2.0).max() < 0.15
-    assert np.isnan(boxes.height_m).all() and np.isnan(boxes.time_start_s).all()
+    assert np.abs(np.median(boxes.height_m)) < 0.005 and np.isnan(boxes.time_start_s).all()
     cells = np.floor(boxes.centre[:, :2] / 0.5)
     assert len(np.unique(cells, axis=0)) == len(boxes), "one box to a cell"
 
@@ -124,6 +129,36 @@ def test_a_bright_kerb_is_no_paint(rng: np.random.Generator) -> None:
     xyz, intensity = road_points(rng, [kerb])
     xyz[xyz[:, 1] > 6.0, 2] += 0.10
     assert len(boxes_in(xyz, intensity)) == 0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_stone_of_a_dropped_kerb_is_no_paint(rng: np.random.Generator, side: float) -> None:
+    stone = Stripe((0.0, 6.0), (12.0, 6.0), 0.15, 2.0)
+    xyz, intensity = road_points(rng, [stone])
+
+    def lines_of(xyz: FloatArray) -> tuple[list[marking_lines.SmoothMarking], list[str]]:
+        boxes = boxes_in(xyz, intensity)
+        boxes = boxes.take(boxes.form == BoxForm.STRIPE)
+        tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
+        found, _ = marking_lines.marking_lines(boxes, tracks, everything_seen)
+        return found, [why for _, why in marking_lines.unlikely_lines(boxes, tracks, everything_seen)]
+
+    (line,), why = lines_of(xyz)
+    assert line.confidence > 0.95 and not why
+    # Too low for a step in one box, but always on the same side
+    xyz[side * (xyz[:, 1] - 6.0) > 0.0, 2] += 0.02
+    assert lines_of(xyz) == ([], [marking_lines.ON_STEP])
+
+
+def test_a_row_of_manholes_is_no_dashed_line() -> None:
+    boxes = boxes_on(*[straight(3.0, x=9.0 * k) for k in range(7)])
+    (line,), _ = marking_lines.marking_lines(
+        boxes, track_lines(boxes, TrackConfig(), width_m=0.06), everything_seen
+    )
+    assert marking_lines.has_its_dashes(line)
+    # As many pieces at the right places, each 20 cm of the 3 m that the rhythm expects there
+    stains = np.column_stack([line.paint[:, 0], line.paint[:, 0] + 0.2])
+    assert not marking_lines.has_its_dashes(replace(line, paint=stains))
 
 
 def test_the_rough_face_of_a_kerb_is_no_paint(rng: np.random.Generator) -> None:

@@ -49,10 +49,11 @@ LEAST_HEIGHT_VARIANCE = 1e-8
 @njit(cache=True, nogil=True)
 def height_of(
     strip: FloatArray, stretch: tuple[float, float], fit: FloatArray, at: float, side: float
-) -> tuple[float, float, float, float]:
-    """Return the height of a stripe's centre and its sigma; and the height of a kerb under it and its sigma [m].
+) -> tuple[float, float, float, float, float]:
+    """Return the height of a stripe's centre and its sigma; that of a kerb under it and its sigma; and its rise [m].
 
-    Points within `side` [m] of the stripe count. Paint lies in one plane with the road on both its sides.
+    The rise is by how much the ground on its left lies higher than that on its right, both planes carried to its
+    middle. Points within `side` [m] of the stripe count. Paint lies in one plane with the road on both its sides.
     `strip` (n, 4), `stretch`, `fit` (6,) as for `linework.kernels.paint.stripe_fit.edge_variance`; `at`: position along
     the stripe [m].
     """
@@ -70,7 +71,7 @@ def height_of(
             height[number] = strip[i, STRIP_HEIGHT] - strip[0, STRIP_HEIGHT]
             number += 1
     if number < FEWEST_FITTED:
-        return strip[0, STRIP_HEIGHT], UNKNOWN_HEIGHT_M, 0.0, UNKNOWN_STEP_M
+        return strip[0, STRIP_HEIGHT], UNKNOWN_HEIGHT_M, 0.0, UNKNOWN_STEP_M, 0.0
     # The plane through all points
     for i in range(number):
         row[PLANE_ALONG], row[PLANE_ACROSS], row[PLANE_STEP] = along[i], across[i], 0.0
@@ -106,14 +107,15 @@ def height_of(
             _add(row, height[i], normal, right)
     _solve(normal, right, solution)
     kerb, noise = kerb_from_bend(zones)
-    step = abs(solution[PLANE_STEP])
+    rise = solution[PLANE_STEP]
+    step = abs(rise)
     right[:] = 0.0
     right[PLANE_STEP] = noise * noise
     solve(normal, right, solution)
     sigma_step, sigma_kerb = math.sqrt(solution[PLANE_STEP]), noise / KERB_IN_ZONE / math.sqrt(0.25 * number)
     if step - STEP_SIGMAS * sigma_step > kerb - STEP_SIGMAS * sigma_kerb:
-        return z, sigma, step, sigma_step
-    return z, sigma, kerb, sigma_kerb
+        return z, sigma, step, sigma_step, rise
+    return z, sigma, kerb, sigma_kerb, rise
 
 
 @njit(cache=True, nogil=True)

@@ -40,14 +40,14 @@ from linework.kernels.paint.stripe_search import (
 #: and of the direction [rad]; t-value of the paint against the road; height of a step under it and its sigma [m];
 #: intensity of road and paint; points used; first and last time [s], both -1 if no point lay on it; whole length,
 #: spacing of the points, and place along the search area's direction [m]; gain of edges that fade over crisp ones; difference of the road
-#: on both sides over the contrast of the paint.
+#: on both sides over the contrast of the paint; rise of the ground from its right to its left [m].
 (
     STRIPE_X, STRIPE_Y, STRIPE_Z, STRIPE_UX, STRIPE_UY, STRIPE_HALF_U, STRIPE_HALF_V,
     STRIPE_SIGMA_V, STRIPE_SIGMA_Z, STRIPE_SIGMA_U, STRIPE_T, STRIPE_STEP, STRIPE_SIGMA_STEP,
     STRIPE_DARK, STRIPE_BRIGHT, STRIPE_POINTS, STRIPE_FIRST, STRIPE_LAST, STRIPE_LENGTH,
-    STRIPE_SPACING, STRIPE_ALONG, STRIPE_FADES, STRIPE_SIDES,
-) = range(23)  # fmt: skip
-STRIPE_COLUMNS = 23
+    STRIPE_SPACING, STRIPE_ALONG, STRIPE_FADES, STRIPE_SIDES, STRIPE_RISE,
+) = range(24)  # fmt: skip
+STRIPE_COLUMNS = 24
 #: A stripe found within this of a cell may pass through it once it is measured; and the shortest piece in a cell. [m]
 NEAR_CELL_M, LEAST_PIECE_M = 0.05, 0.04
 #: Fewest of 8 parts along a stripe with points on its paint, to trust it, and to measure it at all.
@@ -129,7 +129,7 @@ def stripes_in_area(
     least_t
         Smallest t-value of a band, see `stripes_across`.
     out
-        (4, 23) output, a row for each stripe; places are from the middle of the search area.
+        (4, 24) output, a row for each stripe; places are from the middle of the search area.
 
     Returns
     -------
@@ -264,7 +264,7 @@ def write_place(
     cell
         West, south, east and north edge. [m]
     row
-        (23,) output.
+        (24,) output.
     """
     axis_x, axis_y = axes
     first, last = stretch
@@ -314,7 +314,7 @@ def write_figures(
     fit, covariance
         (6,) unknowns, (6, 6).
     row
-        (23,) input and output.
+        (24,) input and output.
     """
     at = row[STRIPE_ALONG]
     slope_variance = covariance[FIT_SLOPE, FIT_SLOPE]
@@ -330,7 +330,7 @@ def write_figures(
     row[STRIPE_T] = min(
         contrast_t(fit, covariance, FIT_ROAD_LEFT), contrast_t(fit, covariance, FIT_ROAD_RIGHT)
     )
-    row[STRIPE_Z], row[STRIPE_SIGMA_Z], row[STRIPE_STEP], row[STRIPE_SIGMA_STEP] = height_of(
-        near, stretch, fit, at, HEIGHT_REACH * radius
-    )
+    height, sigma, step, sigma_step, rise = height_of(near, stretch, fit, at, HEIGHT_REACH * radius)
+    row[STRIPE_Z], row[STRIPE_SIGMA_Z] = height, sigma
+    row[STRIPE_STEP], row[STRIPE_SIGMA_STEP], row[STRIPE_RISE] = step, sigma_step, rise
     row[STRIPE_FIRST], row[STRIPE_LAST] = -1.0, -1.0

@@ -131,7 +131,7 @@ def stripes_at(
     work
         (k, 5) scratch.
     out
-        (4, 23) output: see `linework.kernels.paint.stripes`.
+        (4, 24) output: see `linework.kernels.paint.stripes`.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def all_stripes(
     places: FloatArray,
     least_t: float,
 ) -> FloatArray:
-    """Return the stripes of all cells in the cells' order, (m, 23): see `linework.kernels.paint.stripes`.
+    """Return the stripes of all cells in the cells' order, (m, 24): see `linework.kernels.paint.stripes`.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def all_stripes(
 
 @njit(cache=True, nogil=True)
 def write_stripe_times(work: FloatArray, place: tuple[float, float], stripe: FloatArray) -> None:
-    """Write the first and last time of the points on a stripe (21,).
+    """Write the first and last time of the points on a stripe (24,).
 
     work: (n, 5) points with x and y from `place`, ended by a time that is NaN.
     """

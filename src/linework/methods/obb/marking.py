@@ -185,7 +185,7 @@ def _count_paint(paint: PaintPoints) -> FloatArray:
 
 
 def _as_intensities(found: FloatArray, config: MarkingConfig) -> FloatArray:
-    """Return the stripes (m, 23) that are paint by their probability, their levels as those of ordinary paint.
+    """Return the stripes (m, 24) that are paint by their probability, their levels as those of ordinary paint.
 
     The contrast of a probability means nothing: it is set to the least that counts.
     """
@@ -214,7 +214,7 @@ def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool)
     Parameters
     ----------
     found
-        (n, 23) float64: rows of `linework.kernels.paint.stripes`.
+        (n, 24) float64: rows of `linework.kernels.paint.stripes`.
     """
     dark, bright = found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT]
     is_flat = found[:, stripes.STRIPE_STEP] < np.maximum(
@@ -239,6 +239,7 @@ def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool)
         sigma_u_rad=np.maximum(found[:, stripes.STRIPE_SIGMA_U], _LEAST_SIGMA),
         score=_chance_of_paint(found),
         form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),
+        height_m=found[:, stripes.STRIPE_RISE],
         contrast=np.where(dark > 0.0, bright / np.where(dark > 0.0, dark, 1.0), np.nan),
         n_points=found[:, stripes.STRIPE_POINTS].astype(np.int64),
         time_start_s=times[:, 0],
@@ -247,7 +248,7 @@ def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool)
 
 
 def _chance_of_paint(found: FloatArray) -> FloatArray:
-    """Return the chance that stripes (n, 23) are paint, (n,), against what else is brighter than the road.
+    """Return the chance that stripes (n, 24) are paint, (n,), against what else is brighter than the road.
 
     A strip that fades into the road is what is left between wheel tracks, or dries first; a stripe between two
     materials is the stone, the gutter or the dust along their border.

@@ -36,7 +36,8 @@ LONGEST_WORN_M, SHORT_GAP_M = 20.0, 3.0
 #: Shortest solid line; shorter paint that is not a dash is an arrow, a bar or a letter: arrows are up to 5 m long,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_MARKING_M = 6.0
-#: Smallest share of its length that a solid line has of paint: the most worn ones that are visible have 0.3.
+#: Smallest share of its length that a solid line has of paint, and a dashed one of its dashes: the most worn ones that
+#: are visible have 0.3.
 LEAST_PAINT_SHARE = 0.25
 #: Fewest pieces of a worn line that has less: arrows come in rows of three or four.
 LEAST_ROW = 6
@@ -49,9 +50,16 @@ NARROWEST_MARKING_M = 0.075
 LEAST_BAR_M = 1.0
 #: Lines are judged within this (docs/evaluation.md). [m]
 TOLERANCE_M = 0.10
+#: By how much new asphalt may be off a straight line (4 mm under a straightedge of 4 m, EN 13036-7); height of a dropped
+#: kerb, to either side of its stone (DIN 18040-3) [m]; and how rare such stones without a kerb are among bright stripes.
+UNEVEN_M, DROPPED_KERB_M, STONE_SHARE = 0.004, 0.03, 0.1
+#: Standard deviation over the median of the distances from the median, of a normal distribution; boxes of a stretch (8 m),
+#: and fewest stretches that show how uneven the ground is.
+MEDIAN_SPREAD, RISES_OF_STRETCH, LEAST_STRETCHES = 1.4826, 16, 3
 #: Why a line is more likely something else than paint.
 NARROW = "narrower than paint: a rail or a joint"
 OTHER_STRIP = "no paint: it fades at its sides, or lies between two materials"
+ON_STEP = "stone of a dropped kerb: the ground on one side is higher along all of it"
 #: Bounds of the share of a solid line that wear has removed, and of the share of missing dashes: with none or all gone
 #: no longest gap follows. [-]
 _WORN_SHARE, _MISSING_SHARE = (0.01, 0.99), (0.05, 0.8)
@@ -100,7 +108,7 @@ def marking_lines(
         Whether road or ground was measured at places [m, local].
     """
     found = [m for m in _all_markings(boxes, tracks, visible) if not _why_unlikely(m, boxes)]
-    is_line = [_is_dashed(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
+    is_line = [has_its_dashes(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
     ]
@@ -120,14 +128,55 @@ def _why_unlikely(marking: SmoothMarking, boxes: BoxSet) -> str:
     """Return why a line is more likely something else than paint, "" where it is wide enough and its boxes are paint."""
     if marking.width_m < NARROWEST_MARKING_M:
         return NARROW
-    return "" if float(np.mean(boxes.score[marking.boxes])) >= LEAST_PIECE_SCORE else OTHER_STRIP
+    score = float(np.mean(boxes.score[marking.boxes]))
+    if score < LEAST_PIECE_SCORE:
+        return OTHER_STRIP
+    return "" if score * chance_of_one_plane(boxes, marking.boxes) >= LEAST_PIECE_SCORE else ON_STEP
 
 
-def _is_dashed(marking: SmoothMarking) -> bool:
-    """Return whether enough of the dashes that the rhythm expects are there."""
+def chance_of_one_plane(boxes: BoxSet, box: IntArray) -> float:
+    """Return the chance that the road is one plane under a line, 0 to 1, as under paint: not the stone of a kerb.
+
+    The kerb of a driveway or a crossing is too low for a step in any one box; over a line its side is always the same.
+
+    Parameters
+    ----------
+    boxes
+        With `height_m`: by how much the ground on the left lies higher [m]; NaN where that is unknown.
+    box
+        (k,) int64: the boxes of a line, in order.
+    """
+    if len(box) < RISES_OF_STRETCH:
+        return 1.0
+    along = np.gradient(boxes.centre[box, :2], axis=0)
+    rise = boxes.height_m[box] * np.sign(np.sum(along * boxes.u[box], axis=1))
+    rise = rise[np.isfinite(rise)]
+    if len(rise) < RISES_OF_STRETCH:
+        return 1.0
+    median = float(np.median(rise))
+    # The stone of a kerb has its step everywhere: ground that is as uneven from one stretch to the next has none. A line
+    # too short for stretches has boxes that err together
+    stretches = np.array_split(rise, len(rise) // RISES_OF_STRETCH)
+    if len(stretches) >= LEAST_STRETCHES:
+        spread = float(np.std([np.median(part) for part in stretches], ddof=1))
+    else:
+        spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
+    sigma = math.hypot(UNEVEN_M, spread)
+    paint = math.exp(-0.5 * (median / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
+    stone = STONE_SHARE * 0.5 / DROPPED_KERB_M
+    return paint / (paint + stone)
+
+
+def has_its_dashes(marking: SmoothMarking) -> bool:
+    """Return whether enough of the dashes that the rhythm expects are there, and enough of their paint."""
     assert marking.rhythm is not None
     expected = 1.0 + float(np.ptp(marking.dashes)) / marking.rhythm.period_m
-    return len(marking.dashes) >= LEAST_TRACKED_DASHES and len(marking.dashes) >= LEAST_DASH_SHARE * expected
+    painted_m = float((marking.paint[:, 1] - marking.paint[:, 0]).sum())
+    return (
+        len(marking.dashes) >= LEAST_TRACKED_DASHES
+        and len(marking.dashes) >= LEAST_DASH_SHARE * expected
+        and painted_m >= LEAST_PAINT_SHARE * expected * marking.rhythm.dash_m
+    )
 
 
 def _is_solid(paint: FloatArray) -> bool:
@@ -248,7 +297,7 @@ def _marking(
     dashes = np.zeros((0, 2)) if rhythm is None else restore_worn_dashes(dashes_of(paint, rhythm), rhythm)
     return SmoothMarking(
         line, box, paint, rhythm, dashes, 2.0 * float(np.median(boxes.half_v_m[box])),
-        confidence_of(boxes.score[box], line.sigma_xy_m), boxes.time_span(box),
+        confidence_of(boxes.score[box], line.sigma_xy_m) * chance_of_one_plane(boxes, box), boxes.time_span(box),
     )  # fmt: skip
 
 
