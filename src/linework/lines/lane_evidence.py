@@ -30,7 +30,7 @@ _DOUBLE_M = 1.0
 #: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. Up to the width of a
 #: lane the shorter may bound a cycle lane, or lie within a lane (patches, letters): its pieces count one by one, those
 #: that were joined to one line as well. [m]
-_NEITHER_M = (0.5, 1.2)
+STRAY_PAINT_M = (0.5, 1.2)
 #: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
 #: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
 _STRIP_M = 1.5
@@ -98,11 +98,11 @@ class BoundEvidence:
                 if (
                     self._is_paint[a.line]
                     and self._is_paint[b.line]
-                    and _NEITHER_M[0] < apart < LANE_LIMITS_M[0]
+                    and STRAY_PAINT_M[0] < apart < LANE_LIMITS_M[0]
                 ):
                     shorter = min((a.line, b.line), key=lambda i: self._size[i])
                     in_strip[shorter] += 1
-                    beside[shorter] += apart < _NEITHER_M[1]
+                    beside[shorter] += apart < STRAY_PAINT_M[1]
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed:
