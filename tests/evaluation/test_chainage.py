@@ -133,6 +133,14 @@ def test_the_carriageway_is_unknown_where_paint_may_be_its_end(y, widths):
     assert len(found) == 11
 
 
+def test_a_rail_has_no_offset_from_the_line_of_a_lane():
+    lines, axis = straight(ROAD)
+    for role, value in (("edge", 1.0), ("", 1.0), ("lane", None), ("centre", None)):
+        named = lines.with_columns(role=np.where(lines.id == "edge", role, ""))
+        found = rows_of(chainage_report(named, [axis], standard="us"), "offset_from_line")
+        assert found and {r.value if r.value is None else round(r.value, 6) for r in found} == {value}
+
+
 def test_dashes_gaps_and_missing_dashes():
     starts = [s for s in range(0, 90, 9) if s != 36]
     dashes = [(f"dash {s}", "lane_marking_dash", 0.0, 0.0, "dashed", (s, s + 3)) for s in starts]

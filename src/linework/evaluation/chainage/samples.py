@@ -64,18 +64,19 @@ class Crossing(NamedTuple):
     sigma_xy_m: float
     sigma_z_m: float
     bridged: bool
+    role: str = ""
 
 
 def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[Crossing]]:
     """Return the lines along the road at each station, from right to left."""
     found: list[list[Crossing]] = [[] for _ in range(n_stations)]
-    kinds, ids = lines.kind.tolist(), lines.id.tolist()
+    kinds, ids, roles = lines.kind.tolist(), lines.id.tolist(), lines.role.tolist()
     for row in np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE).tolist():
         i = int(cuts.line[row])
         found[int(cuts.station[row])].append(
             Crossing(
                 kinds[i], ids[i] or f"line {i + 1}", float(cuts.offset_m[row]), float(cuts.up_m[row]),
-                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]),
+                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]), roles[i],
             )
         )  # fmt: skip
     return found
@@ -185,7 +186,9 @@ def _rail(s: float, rail: Crossing, bounds: list[Crossing]) -> Iterator[Sample]:
     if paint:
         line = min(paint, key=lambda c: abs(c.offset_m - rail.offset_m))
         away = abs(rail.offset_m - line.offset_m)
-        yield _between(s, rail.offset_m, rail.kind, "offset_from_line", rail.name, away, rail, line, "xy")
+        offset = _between(s, rail.offset_m, rail.kind, "offset_from_line", rail.name, away, rail, line, "xy")
+        # The nearest line is a centre or lane line where the edge line was not found
+        yield offset._replace(value=None) if line.role in ("centre", "lane") else offset
 
 
 def clearance_samples(lines: LineSet, axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
