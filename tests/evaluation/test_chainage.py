@@ -115,6 +115,32 @@ def test_what_is_bridged_is_unknown_and_never_a_number():
     assert [r for r in report.rows if r.line != "rail a"] == [r for r in whole.rows if r.line != "rail a"]
 
 
+@pytest.mark.parametrize(("y", "widths"), [(-3.3, {7.5}), (-2.8, {None}), (-1.9, {7.5})])
+def test_the_carriageway_is_unknown_where_paint_may_be_its_end(y, widths):
+    """Between a double line and a cycle lane is what pale stones of a flush kerb look like."""
+    table = [
+        ("edge", "lane_marking", 3.5, 0.0, "solid", (0, 100)),
+        ("other edge", "lane_marking", -2.0, 0.0, "solid", (0, 100)),
+        ("middle", "lane_marking", 0.0, 0.0, "dashed", (0, 100)),
+        ("stones", "lane_marking", y, 0.0, "solid", (0, 100)),
+        ("right", "road_boundary", -3.5, 0.0, "", (0, 100)),
+        ("left", "road_boundary", 4.0, 0.0, "", (0, 100)),
+    ]
+    lines, axis = straight(table)
+    report = chainage_report(lines, [axis], standard="us")
+    found = rows_of(report, "carriageway_width")
+    assert {row.value if row.value is None else round(row.value, 6) for row in found} == widths
+    assert len(found) == 11
+
+
+def test_a_rail_has_no_offset_from_the_line_of_a_lane():
+    lines, axis = straight(ROAD)
+    for role, value in (("edge", 1.0), ("", 1.0), ("lane", None), ("centre", None)):
+        named = lines.with_columns(role=np.where(lines.id == "edge", role, ""))
+        found = rows_of(chainage_report(named, [axis], standard="us"), "offset_from_line")
+        assert found and {r.value if r.value is None else round(r.value, 6) for r in found} == {value}
+
+
 def test_dashes_gaps_and_missing_dashes():
     starts = [s for s in range(0, 90, 9) if s != 36]
     dashes = [(f"dash {s}", "lane_marking_dash", 0.0, 0.0, "dashed", (s, s + 3)) for s in starts]

@@ -170,11 +170,54 @@ def test_the_gap_that_a_lane_goes_over_does_not_depend_on_where_stations_are(gap
 
 
 def test_a_lane_whose_bound_was_hardly_measured_is_less_sure():
-    guessed = X % 20 > 3
+    guessed = X % 20 > 4
     (lane,) = find_lanes(
         road(EDGE, CENTRE, bridged=np.concatenate([np.zeros(101, dtype=bool), guessed]))
     ).centre
     assert 0.5 < lane.confidence < 0.7
+
+
+def test_a_bound_needs_as_much_measured_paint_as_any_other():
+    """Eight metres of paint are no bound because something drew a line of 100 m through them."""
+    measured = (X >= 40) & (X <= 48)
+    bridged = np.concatenate([np.zeros(101, dtype=bool), ~measured])
+    assert len(find_lanes(road(EDGE, CENTRE, bridged=bridged))) == 0
+
+
+def test_pieces_far_apart_do_not_continue_each_other():
+    """Two pieces of 12 m with 30 m between them are more gap than paint."""
+    first = ("first", "lane_marking", lambda x: np.where(x <= 12, 0.0, np.nan), "centre", "solid")
+    second = (
+        "second",
+        "lane_marking",
+        lambda x: np.where((x >= 42) & (x <= 54), 0.0, np.nan),
+        "centre",
+        "solid",
+    )
+    near = ("near", "lane_marking", lambda x: np.where((x >= 30) & (x <= 42), 0.0, np.nan), "centre", "solid")
+    assert len(find_lanes(road(EDGE, first, second))) == 0
+    assert len(find_lanes(road(EDGE, first, near))) == 2
+
+
+@pytest.mark.parametrize(("y", "n"), [(-2.0, 0), (-0.5, 2)])
+def test_pieces_of_paint_within_a_lane_do_not_make_a_bound(y, n):
+    """Patches one behind the other, as far from the edge line as a cycle lane is wide; and what is a lane from it."""
+    pieces = [
+        (f"piece {k}", "lane_marking", lambda x, k=k: np.where((x >= k) & (x <= k + 12), y, np.nan), "lane", "solid")
+        for k in (20, 40)
+    ]  # fmt: skip
+    found = pairs(find_lanes(road(EDGE, *pieces, FAR), widths_m=(2.2, 6.5)))
+    assert sum(any("piece" in name for name in pair) for pair in found) == 2 * n
+
+
+@pytest.mark.parametrize(("y", "n"), [(-2.0, 0), (-0.5, 1)])
+def test_patches_that_were_joined_to_one_line_count_one_by_one_too(y, n):
+    """Eight metres of every thirteen; what is a lane away from other paint is a worn line."""
+    patches = ("patches", "lane_marking", y, "lane", "solid")
+    bridged = np.tile(False, (3, 101))
+    bridged[1] = X % 13 > 8
+    found = pairs(find_lanes(road(EDGE, patches, FAR, bridged=bridged.ravel()), widths_m=(2.2, 6.5)))
+    assert sum("patches" in pair for pair in found) == 2 * n
 
 
 @pytest.mark.parametrize(("role", "n"), [("", 0), ("lane", 1)])

@@ -12,20 +12,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linework.arrays import FloatArray
+from linework.lines.along import runs_of
 from linework.lines.crosscuts import STATION_M
 from linework.model.lines import LineSet
 
 #: Widths of the spaces between bounds that belong to a road: below are gutters and double lines, above are squares. [m]
 LANE_LIMITS_M = (2.2, 6.0)
-#: Shorter paint along a road is as often a bay, a bus stop, letters or an arrow as the bound of a lane. Paint that continues
-#: counts as a whole: over a gap that hides it, at the same distance from the road to within two widths of a line. [m]
+#: Shorter paint along a road, as measured, is as often a bay, a bus stop, letters or an arrow as the bound of a lane. Paint
+#: that continues counts as a whole: over a gap that hides it, no longer than the paint on both its sides, and at the same
+#: distance from the road to within two widths of a line. [m]
 _SHORTEST_BOUND_M = 20.0
 _CONTINUES_M, _SAME_OFFSET_M = 50.0, 0.3
 #: The lines of a double line are nearer than this. [m]
 _DOUBLE_M = 1.0
 #: Paint beside other paint: farther apart than a double line of two 0.15 m stripes with a gap of 0.2 m, and nearer than
-#: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. [m]
-_NEITHER_M = (0.5, 1.2)
+#: the narrowest cycle lane (1.25 m, German ERA). The shorter is a stray where its role is unknown. Up to the width of a
+#: lane the shorter may bound a cycle lane, or lie within a lane (patches, letters): its pieces count one by one, those
+#: that were joined to one line as well. [m]
+STRAY_PAINT_M = (0.5, 1.2)
 #: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
 #: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
 _STRIP_M = 1.5
@@ -62,9 +67,11 @@ class BoundEvidence:
         self._is_kerb = lines.form == "kerb"
         self._is_unknown = self._is_paint & (lines.role == "")
         self._length_m = lines.length_m
-        self._size = _sizes(lines)
+        self._measured_m, self._longest_m = _measured_m(lines)
+        self._size = _sizes(lines, self._measured_m)
         #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
         self.strays: set[int] = set()
+        self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
         self._beside_edge: set[int] = set()
         self._continued_by: dict[int, set[int]] = defaultdict(set)
@@ -74,6 +81,7 @@ class BoundEvidence:
     def add(self, rows: Sequence[Sequence[Bound]]) -> None:
         """Take in what crosses the perpendiculars of a road."""
         beside: Counter[int] = Counter()
+        in_strip: Counter[int] = Counter()
         self._add_paint_that_continues(rows)
         self._add_sides(rows)
         for here in rows:
@@ -90,10 +98,11 @@ class BoundEvidence:
                 if (
                     self._is_paint[a.line]
                     and self._is_paint[b.line]
-                    and _NEITHER_M[0] < apart < _NEITHER_M[1]
+                    and STRAY_PAINT_M[0] < apart < LANE_LIMITS_M[0]
                 ):
                     shorter = min((a.line, b.line), key=lambda i: self._size[i])
-                    beside[shorter] += 1
+                    in_strip[shorter] += 1
+                    beside[shorter] += apart < STRAY_PAINT_M[1]
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed:
@@ -101,9 +110,13 @@ class BoundEvidence:
                         c.line for c in here[i + 1 : j] if self._is_paint[c.line]
                     }
         # For most of its length: where roads part, lines run together for a short while
-        for line, n in beside.items():
-            if self._is_unknown[line] and n * STATION_M > 0.5 * self._length_m[line]:
-                self.strays.add(line)
+        self._in_strip |= {line for line, n in in_strip.items() if self._is_most_of(line, n)}
+        self.strays |= {
+            line for line, n in beside.items() if self._is_unknown[line] and self._is_most_of(line, n)
+        }
+
+    def _is_most_of(self, line: int, n_stations: int) -> bool:
+        return n_stations * STATION_M > 0.5 * float(self._length_m[line])
 
     def _add_paint_that_continues(self, rows: Sequence[Sequence[Bound]]) -> None:
         """Take in which paint begins behind other paint, at the same distance from the road."""
@@ -116,10 +129,8 @@ class BoundEvidence:
                     last[row.line] = (k, row.offset_m)
         for a, (end, offset_m) in last.items():
             for b, (begin, other_m) in first.items():
-                if (
-                    0 < (begin - end) * STATION_M <= _CONTINUES_M
-                    and abs(other_m - offset_m) <= _SAME_OFFSET_M
-                ):
+                most_m = min(_CONTINUES_M, float(self._measured_m[a] + self._measured_m[b]))
+                if 0 < (begin - end) * STATION_M <= most_m and abs(other_m - offset_m) <= _SAME_OFFSET_M:
                     self._continued_by[a].add(b)
                     self._continued_by[b].add(a)
 
@@ -141,9 +152,11 @@ class BoundEvidence:
                 self._with_strip |= {pair for pair, listed in pairs.items() if np.median(listed) > most_m}
 
     def _is_short(self, line: int) -> bool:
-        """Return whether a line, with the paint that continues it, is too short to bound a lane."""
-        others = sum(float(self._length_m[other]) for other in self._continued_by[line])
-        return float(self._length_m[line]) + others < _SHORTEST_BOUND_M
+        """Return whether too little of a line, with the paint that continues it, was measured to bound a lane."""
+        if line in self._in_strip:
+            return float(self._longest_m[line]) < _SHORTEST_BOUND_M
+        whole = (line, *self._continued_by[line])
+        return sum(float(self._measured_m[one]) for one in whole) < _SHORTEST_BOUND_M
 
     def without_edge_line(self, bounds: Iterable[tuple[int, ...]]) -> frozenset[tuple[int, int]]:
         """Return the pairs of bounds of a paint with an edge line on its other side only, and no kerb, right one first.
@@ -175,12 +188,21 @@ class BoundEvidence:
         return not self._is_inner[paint[0]]
 
 
-def _sizes(lines: LineSet) -> list[tuple[float, float, list[list[float]]]]:
-    """Return what orders lines by length: of lines as long as each other by what was measured, then by their ends."""
+def _measured_m(lines: LineSet) -> tuple[FloatArray, FloatArray]:
+    """Return the length over which each line was measured, and that of its longest stretch without a gap, (m,) each [m]."""
     step_m = np.hypot(*np.diff(lines.xyz[:, :2], axis=0).T)
     owner = lines.line_of_vertex
     is_measured = (owner[1:] == owner[:-1]) & ~lines.bridged[1:] & ~lines.bridged[:-1]
-    measured_m = np.bincount(owner[1:], np.where(is_measured, step_m, 0.0), len(lines))
+    whole_m, longest_m = np.zeros(len(lines)), np.zeros(len(lines))
+    for first, last in runs_of(is_measured):
+        run_m = float(step_m[first : last + 1].sum())
+        whole_m[owner[first]] += run_m
+        longest_m[owner[first]] = max(longest_m[owner[first]], run_m)
+    return whole_m, longest_m
+
+
+def _sizes(lines: LineSet, measured_m: FloatArray) -> list[tuple[float, float, list[list[float]]]]:
+    """Return what orders lines by length: of lines as long as each other by what was measured, then by their ends."""
     # A tenth of a millimetre is no difference
     lengths = zip(np.round(lines.length_m, 4).tolist(), np.round(measured_m, 4).tolist(), strict=True)
     spans = pairwise(lines.offsets.tolist())

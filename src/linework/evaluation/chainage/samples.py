@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along
 from linework.lines.crosscuts import Axis, CrossCuts
+from linework.lines.lane_evidence import STRAY_PAINT_M
 from linework.model.lines import LineSet
 
 #: Lines that turn more than this from the axis do not run along the road (stop lines, crossing roads). [cosine of 25 deg]
@@ -63,18 +64,19 @@ class Crossing(NamedTuple):
     sigma_xy_m: float
     sigma_z_m: float
     bridged: bool
+    role: str = ""
 
 
 def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[Crossing]]:
     """Return the lines along the road at each station, from right to left."""
     found: list[list[Crossing]] = [[] for _ in range(n_stations)]
-    kinds, ids = lines.kind.tolist(), lines.id.tolist()
+    kinds, ids, roles = lines.kind.tolist(), lines.id.tolist(), lines.role.tolist()
     for row in np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE).tolist():
         i = int(cuts.line[row])
         found[int(cuts.station[row])].append(
             Crossing(
                 kinds[i], ids[i] or f"line {i + 1}", float(cuts.offset_m[row]), float(cuts.up_m[row]),
-                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]),
+                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]), roles[i],
             )
         )  # fmt: skip
     return found
@@ -131,13 +133,29 @@ def lanes_at(bounds: list[Crossing]) -> list[tuple[Crossing, Crossing]]:
 
 
 def _carriageway(s: float, bounds: list[Crossing]) -> Iterator[Sample]:
-    """Yield the width between the boundaries on both sides of the axis."""
+    """Yield the width between the boundaries on both sides of the axis; unknown where paint may be one of them."""
     edges = [c for c in bounds if c.kind == "road_boundary"]
     left = [c for c in edges if c.offset_m > _FACE_M]
     right = [c for c in edges if c.offset_m < -_FACE_M]
     if left and right:
         a, b = right[-1], left[0]
-        yield _between(s, 0.0, "road", "carriageway_width", "", b.offset_m - a.offset_m, a, b, "xy")
+        width = _between(s, 0.0, "road", "carriageway_width", "", b.offset_m - a.offset_m, a, b, "xy")
+        paint = [
+            c.offset_m for c in bounds if c.kind == "lane_marking" and a.offset_m < c.offset_m < b.offset_m
+        ]
+        yield width._replace(value=None) if _may_end_at(paint) else width
+
+
+def _may_end_at(paint: list[float]) -> bool:
+    """Return whether the outermost line of paint on either side may be the end of the carriageway, by offsets [m].
+
+    Pale stones of a flush kerb look like paint. Beside the edge line they are too far for a double line and too near for
+    a cycle lane, and the boundary behind them is that of the footway.
+    """
+    return len(paint) > 1 and any(
+        STRAY_PAINT_M[0] < abs(outer - inner) < STRAY_PAINT_M[1]
+        for outer, inner in (paint[:2], paint[:-3:-1])
+    )
 
 
 def _lane(s: float, right: Crossing, left: Crossing) -> Iterator[Sample]:
@@ -168,7 +186,9 @@ def _rail(s: float, rail: Crossing, bounds: list[Crossing]) -> Iterator[Sample]:
     if paint:
         line = min(paint, key=lambda c: abs(c.offset_m - rail.offset_m))
         away = abs(rail.offset_m - line.offset_m)
-        yield _between(s, rail.offset_m, rail.kind, "offset_from_line", rail.name, away, rail, line, "xy")
+        offset = _between(s, rail.offset_m, rail.kind, "offset_from_line", rail.name, away, rail, line, "xy")
+        # The nearest line is a centre or lane line where the edge line was not found
+        yield offset._replace(value=None) if line.role in ("centre", "lane") else offset
 
 
 def clearance_samples(lines: LineSet, axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
