@@ -67,6 +67,20 @@ def test_kerb_foot_is_found_where_it_is(step_m, heading_deg):
         assert np.median(kerb.top_v_m[inside]) == pytest.approx(-0.02, abs=0.01)
 
 
+def test_few_points_show_a_kerb_over_a_longer_stretch():
+    rng = np.random.default_rng(5)
+    # 12 points a square metre, of which hardly any on the face: 20 in a metre of road and footway
+    xyz = street(rng, 0.05, noise_m=0.010, per_m2=12)
+    boxes = boxes_of(np.delete(xyz, np.s_[-1160:], axis=0))
+    kerb = boxes.take(boxes.form == BoxForm.KERB)
+    v, turn = across(kerb, 30.0)
+    inside = np.abs(v) < 0.15
+    assert np.count_nonzero(inside) >= 30
+    assert np.abs(np.median(v[inside])) < 0.03
+    assert np.percentile(np.abs(np.arcsin(turn[inside])), 90) < np.radians(6)
+    assert np.median(kerb.height_m[inside]) == pytest.approx(0.05, abs=0.01)
+
+
 def test_every_box_lies_in_its_own_cell_and_in_order():
     boxes = boxes_of(street(np.random.default_rng(2)))
     cells = np.floor(boxes.centre[:, :2] / 0.5).astype(np.int64)

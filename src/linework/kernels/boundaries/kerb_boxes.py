@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.boundaries.kerb_steps import (
     CLEAR_STEP,
     CLEAREST_ABOVE,
@@ -26,6 +26,7 @@ from linework.kernels.boundaries.kerb_steps import (
     COVER_TOP,
     COVER_U_HIGH,
     COVER_U_LOW,
+    KERB_TOP_WIDTH_M,
     STEP_FLOOR_A,
     STEP_FLOOR_B,
     STEP_FLOOR_C,
@@ -51,10 +52,15 @@ from linework.kernels.boundaries.profiles import (
     AGAIN_M,
     CHORD_SLACK_M,
     CLIP_M,
+    FLOOR_WIDTH_M,
     HALF_LENGTH_M,
     LEAST_BOX_M,
     LEAST_CHORD_M,
     MOST_PLACE_POINTS,
+    PIECE_POINTS,
+    PLACE_R,
+    PLACE_X,
+    PLACE_Y,
     PLANE_EAST,
     PLANE_HEIGHT,
     PLANE_NORTH,
@@ -62,8 +68,10 @@ from linework.kernels.boundaries.profiles import (
     FloorLimits,
     LocalFloor,
     PlaceScratch,
+    count_near,
     gather_at,
 )
+from linework.kernels.cells.floor import SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.cells.places import (
     AREA_M,
     BOX_ALL_ROAD,
@@ -103,6 +111,8 @@ KERB_EXPLAINED = 0.25
 STEP_SLOPE_SHARE = 0.8
 #: Directions that are tried where something high stands near and the slopes do not show the kerb.
 N_DIRECTIONS = 8
+#: Half of the longest window: kerbs round corners of streets, of radii of 10 m, leave it by more than their own width. [m]
+LONGEST_HALF_M = 3.0
 #: Smallest step of the profile over the least height of a kerb: a profile smears it.
 PROFILE_SHARE = 0.7
 #: Smallest height of a kerb over the noise of its top, where that is stone and where it is grass, and over the sigma
@@ -162,10 +172,58 @@ def kerb_in_cell(
     box
         (18,) output: columns of `linework.kernels.cells.places`.
     """
+    x, y = place
+    n, scale = area
+    usual_m = half_u = HALF_LENGTH_M * scale
+    why = _kerb_over(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
+    # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
+    at_road = data.near_road[box_cell_at(data.span, x, y)]
+    while at_road and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
+        half_u *= 2.0
+        radius = np.hypot(half_u, AREA_M * scale)
+        if count_near(data.starts, data.span, place, radius) > MOST_PLACE_POINTS:
+            break
+        n = gather_at(
+            data.points, data.starts, data.span, place, radius, floor.plane, MOST_PLACE_POINTS, scratch.work
+        )
+        why = _kerb_over(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
+    # The windows of neighbouring boxes overlap the more, the longer they are: they err alike
+    longer = np.sqrt(half_u / usual_m)
+    box[S_V], box[S_Z] = longer * box[S_V], longer * box[S_Z]
+    return why
+
+
+@njit(cache=True, nogil=True)
+def box_cell_at(span: IntArray, x: float, y: float) -> int:
+    """Return the number of the cell of two fine ones that holds a place [m, from the local origin]."""
+    c = int(np.floor(x / BOX_CELL_M)) - span[SPAN_WEST] // 2
+    r = int(np.floor(y / BOX_CELL_M)) - span[SPAN_SOUTH] // 2
+    return int(
+        min(max(r, 0), span[SPAN_ROWS] // 2 - 1) * (span[SPAN_COLS] // 2)
+        + min(max(c, 0), span[SPAN_COLS] // 2 - 1)
+    )
+
+
+@njit(cache=True, nogil=True)
+def _kerb_over(
+    data: FloorCells,
+    place: tuple[float, float],
+    floor: LocalFloor,
+    around: tuple[FloatArray, float],
+    area: tuple[int, float, float],
+    limits: FloorLimits,
+    scratch: PlaceScratch,
+    box: FloatArray,
+) -> int:
+    """Find the foot of a kerb as `kerb_in_cell`, in a window of one length.
+
+    area: number of points in `scratch.work`, radius of the search area over the usual one, half of the window's length [m].
+    """
     work, sums, step = scratch
     slopes, rise = around
     x, y = place
-    n, scale = area
+    n, scale, half_u = area
+    is_long = half_u > HALF_LENGTH_M * scale
     share, first, plane = np.zeros(COVER_COLUMNS), np.zeros(CLEAREST_COLUMNS), floor.plane.copy()
     found = False
     for k in (CHANNEL_HEIGHT, RISE):
@@ -173,12 +231,12 @@ def kerb_in_cell(
         east, north = slopes[k, SLOPE_EAST], slopes[k, SLOPE_NORTH]
         size = np.hypot(east, north)
         if not found and size > 0.0:
-            found = best_step(work, n, (-east / size, -north / size), scale, sums, first)
-    if rise >= 0.5 * CLIP_M:
+            found = best_step(work, n, (-east / size, -north / size), scale, half_u, sums, first)
+    if rise >= 0.5 * CLIP_M and not is_long:
         for k in range(N_DIRECTIONS):
             if not found:
                 turn = 0.25 * np.pi * k
-                found = best_step(work, n, (np.cos(turn), np.sin(turn)), scale, sums, first)
+                found = best_step(work, n, (np.cos(turn), np.sin(turn)), scale, half_u, sums, first)
     if not found:
         return BOX_ALL_ROAD if first[CLEAREST_CLEAR] < CLEAR_STEP else BOX_ELSEWHERE
     if first[CLEAREST_ABOVE] - first[CLEAREST_BELOW] < PROFILE_SHARE * limits.least_step:
@@ -190,12 +248,18 @@ def kerb_in_cell(
     # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
     plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
+    radius = np.hypot(half_u, AREA_M * scale) if is_long else AGAIN_M * scale
     n = gather_at(
-        data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
+        data.points, data.starts, data.span, (x + mx, y + my), radius, plane, MOST_PLACE_POINTS, work
     )
-    if not measure_step(work, n, first, scale, step):
+    if not measure_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
-    filled_shares(work, n, step, scale, share)
+    # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
+    if is_long and step[STEP_NOISE] ** 2 - floor.usual**2 > GRASS_M**2:
+        return BOX_NO_ROAD
+    if is_long and not _rises_throughout(work, n, step, scale, half_u):
+        return BOX_ELSEWHERE
+    filled_shares(work, n, step, scale, half_u, share)
     vx, vy, foot = step[STEP_VX], step[STEP_VY], step[STEP_FOOT]
     low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
@@ -211,6 +275,37 @@ def kerb_in_cell(
     box[BOX_HALF_U] = max(min(share[COVER_U_HIGH] - u, u - share[COVER_U_LOW], HALF_LENGTH_M * scale), 0.05)
     _write_step(step, share, box)
     return BOX_FOUND
+
+
+@njit(cache=True, nogil=True)
+def _rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, half_u: float) -> bool:
+    """Return whether a measured step rises by half of its height and more in both halves of its window along u.
+
+    What stands at one place only (a post, a car's corner, a few strays) makes no long step. Parameters as for
+    `linework.kernels.boundaries.kerb_steps.filled_shares`.
+    """
+    low, high, n_low, n_high = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    for i in range(n):
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        v, u = x * step[STEP_VX] + y * step[STEP_VY], x * step[STEP_VY] - y * step[STEP_VX]
+        if abs(u) > half_u:
+            continue
+        r = work[i, PLACE_R] - step[STEP_FLOOR_A] - step[STEP_FLOOR_B] * u - step[STEP_FLOOR_C] * v
+        k = int(u > 0.0)
+        if abs(r) > CLIP_M:
+            continue
+        if step[STEP_FOOT] < v < step[STEP_FOOT] + FLOOR_WIDTH_M * scale:
+            low[k] += r
+            n_low[k] += 1.0
+        elif step[STEP_TOP] - KERB_TOP_WIDTH_M * scale < v < step[STEP_TOP]:
+            high[k] += r
+            n_high[k] += 1.0
+    for k in range(2):
+        if min(n_low[k], n_high[k]) < PIECE_POINTS:
+            return False
+        if high[k] / n_high[k] - low[k] / n_low[k] < 0.5 * step[STEP_HEIGHT]:
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)

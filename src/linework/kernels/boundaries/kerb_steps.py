@@ -42,6 +42,15 @@ KERB_TURNS = (
     np.deg2rad(np.array([-3.0, 3.0])),
     np.deg2rad(np.array([-1.5, 1.5])),
 )
+#: The same for long windows, across which a direction that is off smears the step: the finer, the longer. As many as of
+#: the usual, so that both are of one type. [rad]
+LONG_TURNS = (
+    np.deg2rad(np.arange(-36.0, 37.0, 6.0)),
+    np.deg2rad(np.array([-3.0, 3.0])),
+    np.deg2rad(np.array([-1.5, 1.5])),
+    np.deg2rad(np.array([-0.75, 0.75])),
+    np.deg2rad(np.array([-0.4, 0.4])),
+)
 #: Half of a cell's diagonal plus 5 cm: a line farther than this from the cell's middle belongs to another cell. [m]
 KERB_REACH_V = 0.40
 #: Smallest clearness of a step: three more unknowns explain this many noise variances by chance once in 10 000
@@ -67,7 +76,13 @@ KERB_TOP_WIDTH_M, TOP_SOFT = 0.30, (0.10, 0.02)
 
 @njit(cache=True, nogil=True)
 def best_step(
-    work: FloatArray, n: int, frame: tuple[float, float], scale: float, sums: FloatArray, out: FloatArray
+    work: FloatArray,
+    n: int,
+    frame: tuple[float, float],
+    scale: float,
+    half_u: float,
+    sums: FloatArray,
+    out: FloatArray,
 ) -> bool:
     """Turn the v-axis until the profile steps up most clearly; return False if no step passes through the cell.
 
@@ -77,20 +92,21 @@ def best_step(
         (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
     frame
         Unit vector v to begin with.
-    scale
-        Radius of the search area divided by the usual radius.
+    scale, half_u
+        Radius of the search area divided by the usual radius; half of the length along u that is used [m].
     sums
         (73, 9) scratch, see `linework.kernels.boundaries.profiles.bin_sums_across`.
     out
         (7,) output, columns `CLEAREST_VX` to `CLEAREST_NOISE`.
     """
-    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
+    step = PROFILE_BIN_M * scale
+    turns = KERB_TURNS if half_u <= HALF_LENGTH_M * scale else LONG_TURNS
     half = int(KERB_REACH_V / step) + 1
     out[CLEAREST_VX], out[CLEAREST_VY] = frame
     out[CLEAREST_CLEAR] = 0.0
-    for stage in range(len(KERB_TURNS)):
+    for stage in range(len(turns)):
         x0, y0 = out[CLEAREST_VX], out[CLEAREST_VY]
-        for turn in KERB_TURNS[stage]:
+        for turn in turns[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
             bin_sums_across(work, n, x, y, half_u, step, sums)
             clear, v, below, above, noise = step_in(sums, step, half, 2 if stage == 0 else 1)
@@ -227,7 +243,9 @@ FLOOR_NOISES = 3.0
 
 
 @njit(cache=True, nogil=True)
-def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out: FloatArray) -> bool:
+def measure_step(
+    work: FloatArray, n: int, first: FloatArray, scale: float, half_u: float, out: FloatArray
+) -> bool:
     """Measure the step that runs through the place along u; return False where floor or top is missing.
 
     Parameters
@@ -236,8 +254,8 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
         (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
     first
         (7,): see `best_step`.
-    scale
-        Radius of the search area divided by the usual radius.
+    scale, half_u
+        As for `best_step`.
     out
         (18,) output, columns `STEP_VX` to `STEP_SIGMA_H`.
     """
@@ -245,7 +263,7 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
     a, a2 = first[CLEAREST_BELOW], first[CLEAREST_ABOVE]
     noise = noise2 = first[CLEAREST_NOISE]
     foot = top = 0.0
-    half_u = HALF_LENGTH_M * scale
+    spread_u = 2.0 * UNIFORM_SIGMA * half_u
     clear = FIRST_CLEAR_M * scale
     for _ in range(3):
         low = (foot + clear, foot + FLOOR_WIDTH_M * scale, half_u)
@@ -277,18 +295,18 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
             vx, vy = (vx - beta * vy) / size, (vy + beta * vx) / size
             clear = CLEAR_M
             foot, top = foot / size, top / size
-            beta_sigma = max(spread, 0.003) / np.sqrt(n_face) / (UNIFORM_SIGMA * scale)
+            beta_sigma = max(spread, 0.003) / np.sqrt(n_face) / spread_u
             lean_sigma = 1.0 / np.sqrt(
                 1.0 / LEAN_SIGMA**2 + n_face * (UNIFORM_SIGMA * (highest - lowest)) ** 2 / spread**2
             )
             sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_KERB_M**2)
         else:
             # No face visible: the place where the points change from floor to top, known to within their spacing
-            at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, scale)
+            at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, (scale, half_u))
             foot, top = at + 0.5 * LEAN * h, at - 0.5 * LEAN * h
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
-            beta_sigma = max(blur / (UNIFORM_SIGMA * scale), 0.02)
+            beta_sigma = max(blur / spread_u, 0.02)
         _write(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
         out[STEP_HEIGHT], out[STEP_N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = (
             h,
@@ -308,12 +326,14 @@ def _change_over(
     floor: tuple[float, float, float],
     top: tuple[float, float],
     about: float,
-    scale: float,
+    reach: tuple[float, float],
 ) -> tuple[float, float]:
     """Return the v that best separates points of the floor from points of the top, and their spacing there [m].
 
     frame: unit vector v. floor: height, slopes along u and v. top: height, slope along v. about: v to begin with.
+    reach: `scale` and `half_u` of `best_step`.
     """
+    scale, half_u = reach
     vx, vy = frame
     floor_a, floor_b, floor_c = floor
     top_a, top_c = top
@@ -324,7 +344,7 @@ def _change_over(
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
         v, u = x * vx + y * vy, x * vy - y * vx
         k = int(np.floor((v - about + half) / (2.0 * half) * N_CHANGE))
-        if k < 0 or k >= N_CHANGE or abs(u) > HALF_LENGTH_M * scale:
+        if k < 0 or k >= N_CHANGE or abs(u) > half_u:
             continue
         r = work[i, PLACE_R] - floor_b * u
         low, high = r - floor_a - floor_c * v, r - top_a - top_c * v
@@ -358,7 +378,9 @@ def _write(
 
 
 @njit(cache=True, nogil=True)
-def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, share: FloatArray) -> None:
+def filled_shares(
+    work: FloatArray, n: int, step: FloatArray, scale: float, half_u: float, share: FloatArray
+) -> None:
     """Write how far the evidence of a step extends, across and along.
 
     Parameters
@@ -367,8 +389,8 @@ def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, shar
         (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
     step
         (18,): see `measure_step`.
-    scale
-        Radius of the search area divided by the usual radius.
+    scale, half_u
+        As for `best_step`.
     share
         (5,) output, columns `COVER_FLOOR` to `COVER_BOTH`: the floor's 0.5 m counted in fifths, the top's 0.2 m in
         quarters.
@@ -379,10 +401,10 @@ def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, shar
     for i in range(n):
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
         v, u = x * step[STEP_VX] + y * step[STEP_VY], x * step[STEP_VY] - y * step[STEP_VX]
-        if abs(u) > HALF_LENGTH_M * scale:
+        if abs(u) > half_u:
             continue
         r = work[i, PLACE_R] - step[STEP_FLOOR_A] - step[STEP_FLOOR_B] * u - step[STEP_FLOOR_C] * v
-        quarter = min(int((u / scale + 0.5) * 4.0), 3)
+        quarter = min(int((0.5 * u / half_u + 0.5) * 4.0), 3)
         if v > step[STEP_FOOT] - 0.01:
             if abs(r) <= FLOOR_NOISES * step[STEP_NOISE] and v - step[STEP_FOOT] < 0.5 * scale:
                 floor_bins[min(max(int((v - step[STEP_FOOT]) / (0.1 * scale)), 0), 4)] = 1.0

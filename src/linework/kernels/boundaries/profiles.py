@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.tracking.small_systems import solve_two
 
@@ -75,6 +75,8 @@ class FloorCells(NamedTuple):
         (4,) int64: `SPAN_WEST` to `SPAN_ROWS`.
     sums, facets
         See `linework.kernels.cells.floor.cell_sums` and `facets_of`.
+    near_road
+        (cells,) bool: whether road was measured in or close to each cell of two fine ones.
     """
 
     points: FloatArray
@@ -82,6 +84,7 @@ class FloorCells(NamedTuple):
     span: IntArray
     sums: FloatArray
     facets: FloatArray
+    near_road: BoolArray
 
 
 class FloorLimits(NamedTuple):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels.boundaries import boundary_boxes as kernels
 from linework.kernels.boundaries.profiles import FloorCells, FloorLimits
 from linework.kernels.cells import floor, places
@@ -94,9 +94,23 @@ class FloorPoints:
         strength = no_strength if points.intensity is None else points.intensity
         local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
         sums = floor.cell_sums(local, starts, span)
-        data = FloorCells(local, starts, span, sums, floor.facets_of(sums, span))
+        near_road = steps_to_set(surface.is_road, NEAR_CELLS) <= NEAR_CELLS
+        of_cells = _at_cells(near_road, g.cell_width_m, west, north, span)
+        data = FloorCells(local, starts, span, sums, floor.facets_of(sums, span), of_cells)
         time_s = np.zeros(0) if points.time_s is None else points.time_s
         return cls(data, (ground_m, g.cell_width_m, west, north), (source, time_s))
+
+
+def _at_cells(grid: BoolArray, cell_width_m: float, west: int, north: int, span: IntArray) -> BoolArray:
+    """Return the values of a grid at the middles of the cells of two fine ones, (cells,) bool; False beyond it."""
+    n_rows, n_cols = int(span[floor.SPAN_ROWS]) // 2, int(span[floor.SPAN_COLS]) // 2
+    x_m = (span[floor.SPAN_WEST] + 2.0 * np.arange(n_cols) + 1.0) * floor.FINE_M
+    y_m = (span[floor.SPAN_SOUTH] + 2.0 * np.arange(n_rows) + 1.0) * floor.FINE_M
+    col = np.floor(x_m / cell_width_m).astype(np.int64) - west
+    row = north - 1 - np.floor(y_m / cell_width_m).astype(np.int64)
+    inside = ((row >= 0) & (row < grid.shape[0]))[:, None] & ((col >= 0) & (col < grid.shape[1]))
+    rows, cols = np.clip(row, 0, grid.shape[0] - 1), np.clip(col, 0, grid.shape[1] - 1)
+    return np.asarray(grid[rows[:, None], cols] & inside).ravel()
 
 
 def find_boundary_boxes(
