@@ -247,14 +247,14 @@ def settle_change(
     if change[CHANGE_GAIN] < LEAST_GAIN:
         return False
     half = int(AGAIN_REACH_M / step) + 1
-    best = 0.0
-    for j in range(max(k - half, 1), min(k + half + 1, N_PROFILE_BINS)):
-        best = max(best, gains_at(sums, j, step, found))
-    total, mean, square = 0.0, 0.0, 0.0
-    for j in range(max(k - half, 1), min(k + half + 1, N_PROFILE_BINS)):
-        gain = gains_at(sums, j, step, found)
-        if gain > 0.0:
-            likely, v = np.exp(gain - best), (j - 0.5 * N_PROFILE_BINS) * step
+    low, high = max(k - half, 1), min(k + half + 1, N_PROFILE_BINS)
+    gains = np.zeros(N_PROFILE_BINS)
+    for j in range(low, high):
+        gains[j] = gains_at(sums, j, step, found)
+    best, total, mean, square = np.max(gains), 0.0, 0.0, 0.0
+    for j in range(low, high):
+        if gains[j] > 0.0:
+            likely, v = np.exp(gains[j] - best), (j - 0.5 * N_PROFILE_BINS) * step
             total += likely
             mean += likely * v
             square += likely * v * v

@@ -74,14 +74,17 @@ def moving_sums(values: FloatArray, offsets: IntArray, half: int) -> FloatArray:
 
     Notes
     -----
-    From cumulative sums along each line, so that counts add up exactly, whatever lies before them.
+    From cumulative sums along each line, so that counts add up exactly, whatever lies before them. These are kept for
+    one line at a time: those of all lines would not stay in the processor's cache.
     """
     n, m = values.shape
-    out, total = np.empty((n, m)), np.zeros((n + 1, m))
+    longest = 0
+    for i in range(len(offsets) - 1):
+        longest = max(longest, offsets[i + 1] - offsets[i])
+    out, total = np.empty((n, m)), np.zeros((longest + 1, m))
     for i in range(len(offsets) - 1):
         begin, stop = offsets[i], offsets[i + 1]
         length = stop - begin
-        total[0] = 0.0
         for k in range(length):
             for j in range(m):
                 total[k + 1, j] = total[k, j] + values[begin + k, j]
