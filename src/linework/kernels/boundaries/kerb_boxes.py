@@ -27,6 +27,7 @@ from linework.kernels.boundaries.kerb_steps import (
     COVER_U_HIGH,
     COVER_U_LOW,
     KERB_TOP_WIDTH_M,
+    MOST_TRIED,
     STEP_FLOOR_A,
     STEP_FLOOR_B,
     STEP_FLOOR_C,
@@ -225,18 +226,18 @@ def _kerb_over(
     n, scale, half_u = area
     is_long = half_u > HALF_LENGTH_M * scale
     share, first, plane = np.zeros(COVER_COLUMNS), np.zeros(CLEAREST_COLUMNS), floor.plane.copy()
-    found = False
+    found, tried = False, np.zeros((MOST_TRIED, 2))
     for k in (CHANNEL_HEIGHT, RISE):
         # Next to a car, a hedge or a wall the slope of the heights is not the kerb's
         east, north = slopes[k, SLOPE_EAST], slopes[k, SLOPE_NORTH]
         size = np.hypot(east, north)
         if not found and size > 0.0:
-            found = best_step(work, n, (-east / size, -north / size), scale, half_u, sums, first)
+            found = best_step(work, n, (-east / size, -north / size), scale, half_u, sums, tried, first)
     if rise >= 0.5 * CLIP_M and not is_long:
         for k in range(N_DIRECTIONS):
             if not found:
                 turn = 0.25 * np.pi * k
-                found = best_step(work, n, (np.cos(turn), np.sin(turn)), scale, half_u, sums, first)
+                found = best_step(work, n, (np.cos(turn), np.sin(turn)), scale, half_u, sums, tried, first)
     if not found:
         return BOX_ALL_ROAD if first[CLEAREST_CLEAR] < CLEAR_STEP else BOX_ELSEWHERE
     if first[CLEAREST_ABOVE] - first[CLEAREST_BELOW] < PROFILE_SHARE * limits.least_step:

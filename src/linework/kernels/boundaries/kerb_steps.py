@@ -51,6 +51,11 @@ LONG_TURNS = (
     np.deg2rad(np.array([-0.75, 0.75])),
     np.deg2rad(np.array([-0.4, 0.4])),
 )
+#: Cosine of the largest angle between two directions of a long window that show the same: half of its coarse turns. And
+#: of two of the usual window, as each is turned about: only the same direction.
+SAME_TURN, SAME_FRAME = np.cos(np.deg2rad(3.0)), 1.0 - 1e-12
+#: Most directions that are tried before their turns, in a window of any length.
+MOST_TRIED = 2 * len(LONG_TURNS[0])
 #: Half of a cell's diagonal plus 5 cm: a line farther than this from the cell's middle belongs to another cell. [m]
 KERB_REACH_V = 0.40
 #: Smallest clearness of a step: three more unknowns explain this many noise variances by chance once in 10 000
@@ -82,6 +87,7 @@ def best_step(
     scale: float,
     half_u: float,
     sums: FloatArray,
+    tried: FloatArray,
     out: FloatArray,
 ) -> bool:
     """Turn the v-axis until the profile steps up most clearly; return False if no step passes through the cell.
@@ -96,11 +102,14 @@ def best_step(
         Radius of the search area divided by the usual radius; half of the length along u that is used [m].
     sums
         (73, 9) scratch, see `linework.kernels.boundaries.profiles.bin_sums_across`.
+    tried
+        (`MOST_TRIED`, 2) input and output: unit vectors that were begun with at this place, then 0; none is tried again.
     out
         (7,) output, columns `CLEAREST_VX` to `CLEAREST_NOISE`.
     """
     step = PROFILE_BIN_M * scale
-    turns = KERB_TURNS if half_u <= HALF_LENGTH_M * scale else LONG_TURNS
+    is_long = half_u > HALF_LENGTH_M * scale
+    turns, same = (LONG_TURNS, SAME_TURN) if is_long else (KERB_TURNS, SAME_FRAME)
     half = int(KERB_REACH_V / step) + 1
     out[CLEAREST_VX], out[CLEAREST_VY] = frame
     out[CLEAREST_CLEAR] = 0.0
@@ -108,7 +117,9 @@ def best_step(
         x0, y0 = out[CLEAREST_VX], out[CLEAREST_VY]
         for turn in turns[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-            bin_sums_across(work, n, x, y, half_u, step, sums)
+            if stage == 0 and _is_tried(tried, x, y, same):
+                continue
+            bin_sums_across(work, n, x, y, half_u, step, sums, False)
             clear, v, below, above, noise = step_in(sums, step, half, 2 if stage == 0 else 1)
             if clear > out[CLEAREST_CLEAR]:
                 out[CLEAREST_VX], out[CLEAREST_VY], out[CLEAREST_CLEAR], out[CLEAREST_V] = x, y, clear, v
@@ -118,6 +129,18 @@ def best_step(
         if stage > 0 and beside_cell(out[CLEAREST_VX], out[CLEAREST_VY], out[CLEAREST_V]):
             return False
     return True
+
+
+@njit(cache=True, nogil=True)
+def _is_tried(tried: FloatArray, x: float, y: float, same: float) -> bool:
+    """Return whether a direction was tried, `same` being the cosine of the angle allowed; note it in (n, 2) if not."""
+    for k in range(len(tried)):
+        if tried[k, 0] == 0.0 and tried[k, 1] == 0.0:
+            tried[k, 0], tried[k, 1] = x, y
+            return False
+        if tried[k, 0] * x + tried[k, 1] * y >= same:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -209,7 +209,14 @@ def gather_at(
 
 @njit(cache=True, nogil=True)
 def bin_sums_across(
-    work: FloatArray, n: int, vx: float, vy: float, half_u: float, step: float, sums: FloatArray
+    work: FloatArray,
+    n: int,
+    vx: float,
+    vy: float,
+    half_u: float,
+    step: float,
+    sums: FloatArray,
+    bright: bool = True,
 ) -> None:
     """Write the running sums over the bins of a cross profile.
 
@@ -225,8 +232,11 @@ def bin_sums_across(
         Width of a bin. [m]
     sums
         (73, 9) output, columns `BIN_N` to `BIN_II`; the sums over bins a to b - 1 are ``sums[b] - sums[a]``.
+    bright
+        Whether brightness is summed, too; if not, its columns are 0.
     """
     sums[:] = 0.0
+    n_columns = PROFILE_SUMS if bright else BIN_I
     for i in range(n):
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
         v = x * vx + y * vy
@@ -241,11 +251,12 @@ def bin_sums_across(
         s[BIN_R] += r
         s[BIN_VR] += v * r
         s[BIN_RR] += r * r
-        s[BIN_I] += intensity
-        s[BIN_VI] += v * intensity
-        s[BIN_II] += intensity * intensity
+        if bright:
+            s[BIN_I] += intensity
+            s[BIN_VI] += v * intensity
+            s[BIN_II] += intensity * intensity
     for k in range(1, N_PROFILE_BINS + 1):
-        for j in range(PROFILE_SUMS):
+        for j in range(n_columns):
             sums[k, j] += sums[k - 1, j]
 
 
