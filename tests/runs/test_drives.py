@@ -14,9 +14,12 @@ from linework.files.las.write import write_las
 from linework.files.trajectories.read import write_trajectory
 from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
+from linework.runs.drives import adjusted as adjusted_module
+from linework.runs.drives import stores
 from linework.runs.drives.adjusted import adjusted_drives
 from linework.runs.drives.adjustment import DriveTies, adjusted_path
 from linework.runs.drives.separate import may_tie, separate_drives, share_road
+from linework.runs.drives.stores import write_changed_store
 from linework.runs.drives.ties import meet_lines, tie_drives
 
 KINDS = ("lane_marking", "lane_marking_dash", "road_boundary")
@@ -298,6 +301,23 @@ def test_a_killed_run_goes_on_with_the_drives_that_are_done(survey, adjusted, tm
     assert stages.count("find the road") < before.count("find the road") + stages.count("find the road")
     # Nothing of the run stays: not the points of a drive, nor the moved ones
     assert not [path for path in (tmp_path / "work" / "runs").rglob("*") if path.is_file()]
+
+
+def test_the_points_of_a_drive_are_separated_once(survey, monkeypatch):
+    scene, _ = survey
+    written = []
+
+    def writing(store, folder, change, advance):
+        written.append(folder)
+        write_changed_store(store, folder, change, advance)
+
+    monkeypatch.setattr(stores, "write_changed_store", writing)
+    # So that guardrails are looked for, too
+    monkeypatch.setattr(adjusted_module, "holds_all_along", lambda drives, ties: False)
+    lines = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path)
+    assert lines.report.adjusted.startswith("2 drives adjusted")
+    # Either drive, then all points moved
+    assert len(written) == 3
 
 
 def test_one_drive_is_extracted_as_without_adjustment(survey):

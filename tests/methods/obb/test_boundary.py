@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from linework.kernels.boundaries.kerb_steps import CLEAREST_COLUMNS, MOST_TRIED, best_step
 from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
 from linework.methods.tracking.boundary_lines import form_by_ground, smooth_boundaries
 from linework.methods.tracking.track import TrackConfig, track_lines
@@ -79,6 +80,19 @@ def test_few_points_show_a_kerb_over_a_longer_stretch():
     assert np.abs(np.median(v[inside])) < 0.03
     assert np.percentile(np.abs(np.arcsin(turn[inside])), 90) < np.radians(6)
     assert np.median(kerb.height_m[inside]) == pytest.approx(0.05, abs=0.01)
+
+
+def test_a_long_window_tries_no_direction_twice():
+    work = np.zeros((400, 5))
+    work[:, :2] = np.random.default_rng(7).uniform(-1.0, 1.0, (400, 2))
+    sums, out, tried = np.zeros((73, 9)), np.zeros(CLEAREST_COLUMNS), np.zeros((MOST_TRIED, 2))
+    numbers = []
+    for turn in np.deg2rad([0.0, 2.0, 180.0]):
+        frame = (float(np.cos(turn)), float(np.sin(turn)))
+        # Half of the window is four times the usual: 13 directions 6 degrees apart
+        assert not best_step(work, 400, frame, 1.0, 2.0, sums, tried, out)
+        numbers.append(np.count_nonzero(tried.any(axis=1)))
+    assert numbers == [13, 13, 26]
 
 
 def test_every_box_lies_in_its_own_cell_and_in_order():

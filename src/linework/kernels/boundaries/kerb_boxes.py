@@ -178,8 +178,10 @@ def kerb_in_cell(
     usual_m = half_u = HALF_LENGTH_M * scale
     why = _kerb_over(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
-    at_road = data.near_road[box_cell_at(data.span, x, y)]
-    while at_road and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
+    is_again = data.near_road[box_cell_at(data.span, x, y)] and not _rougher_than_usual(
+        floor.noise, floor.usual
+    )
+    while is_again and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
         half_u *= 2.0
         radius = np.hypot(half_u, AREA_M * scale)
         if count_near(data.starts, data.span, place, radius) > MOST_PLACE_POINTS:
@@ -192,6 +194,12 @@ def kerb_in_cell(
     longer = np.sqrt(half_u / usual_m)
     box[S_V], box[S_Z] = longer * box[S_V], longer * box[S_Z]
     return why
+
+
+@njit(cache=True, nogil=True)
+def _rougher_than_usual(noise: float, usual: float) -> bool:
+    """Return whether a floor is rougher than the smoothest around [m] by what grass and soil are."""
+    return bool(noise**2 - usual**2 > GRASS_M**2)
 
 
 @njit(cache=True, nogil=True)
@@ -256,7 +264,7 @@ def _kerb_over(
     if not measure_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
-    if is_long and step[STEP_NOISE] ** 2 - floor.usual**2 > GRASS_M**2:
+    if is_long and _rougher_than_usual(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
     if is_long and not _rises_throughout(work, n, step, scale, half_u):
         return BOX_ELSEWHERE

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -143,8 +144,7 @@ def find_lines_of_drives(
     def lines_by(them: Sequence[Method], what: str) -> list[LineSet]:
         by = partial(found_in, using=for_ties)
         return [
-            _lines_of_drive(recordings, drives, i, them, run, f"drive-{i}{what}", by, steps)
-            for i in range(len(drives))
+            _lines_of_drive(recordings, drives, i, them, run, what, by, steps) for i in range(len(drives))
         ]
 
     lines = lines_by(on_ground, "")
@@ -155,6 +155,8 @@ def find_lines_of_drives(
         lines = [LineSet.concatenate(both) for both in zip(lines, standing, strict=True)]
         with steps.step("adjust drives"):
             adjusted = adjusted_drives(drives, path, lines)
+    for i in range(len(drives)):
+        shutil.rmtree(_drive_folder(run, i), ignore_errors=True)
     if adjusted is None:
         return found_in_all(recordings)
     moved = _moved(recordings, adjusted, run, steps)
@@ -237,13 +239,18 @@ def with_common_sigma(lines: LineSet, adjusted: AdjustedDrives) -> LineSet:
     )
 
 
+def _drive_folder(run: RunFolder, number: int) -> Path:
+    """Return the folder of what is made of one drive: its points serve everything that is looked for in them."""
+    return run.path / f"drive-{number}"
+
+
 def _lines_of_drive(
     recordings: Recordings, drives: Sequence[DriveSpan], number: int, methods: Sequence[Method], run: RunFolder,
-    name: str, found_in: Any, steps: RunSteps,
+    what: str, found_in: Any, steps: RunSteps,
 ) -> LineSet:  # fmt: skip
-    """Return the lines of one drive where others pass; none where nothing can be looked at."""
-    drive = drives[number]
-    folder, kept, entry = run.path / name, run.path / f"{name}.arrays", run.journal.done().get(name)
+    """Return the lines of one drive where others pass; none where nothing can be looked at. what: is looked for."""
+    drive, folder, name = drives[number], _drive_folder(run, number), f"drive-{number}{what}"
+    kept, entry = run.path / f"{name}.arrays", run.journal.done().get(name)
     done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
     if done is not None:
         return done
@@ -261,10 +268,11 @@ def _lines_of_drive(
     )
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:
-        (folder / "tiles").mkdir(parents=True, exist_ok=True)
-        journal = open_journal(folder / "journal.sqlite")
+        results = folder / f"tiles{what}"
+        results.mkdir(parents=True, exist_ok=True)
+        journal = open_journal(folder / f"journal{what}.sqlite")
         try:
-            where = RunFolder(folder, folder / "tiles", journal, run.is_resumed)
+            where = RunFolder(folder, results, journal, run.is_resumed)
             lines = found_in(replace(recordings, points=own, stereo=None), methods, where, None).lines
         except (InputError, PartialError):
             # What cannot be looked at is reported when all points are
@@ -272,7 +280,6 @@ def _lines_of_drive(
         finally:
             journal.close()
     run.journal.enter(JournalEntry(name, write_part(lines, kept), {}))
-    shutil.rmtree(folder, ignore_errors=True)
     return lines
 
 
