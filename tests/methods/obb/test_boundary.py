@@ -68,6 +68,28 @@ def test_kerb_foot_is_found_where_it_is(step_m, heading_deg):
         assert np.median(kerb.top_v_m[inside]) == pytest.approx(-0.02, abs=0.01)
 
 
+@pytest.mark.parametrize("width_m", [0.20, 0.35])
+def test_the_foot_of_a_sloping_face_is_where_it_begins(width_m):
+    # Faces that lean by 2 to 3.5: between two lines with a break they are steep tops, or a kerb in their middle
+    boxes = boxes_of(street(np.random.default_rng(7), 0.10, lean_m=width_m))
+    kerb = boxes.take(boxes.form == BoxForm.KERB)
+    v, turn = across(kerb, 30.0)
+    inside = np.abs(v) < 0.1
+    assert np.count_nonzero(inside) >= 34 and np.count_nonzero(~inside) <= 2
+    assert np.sqrt(np.mean(v[inside] ** 2)) < 0.02
+    assert np.percentile(np.abs(np.arcsin(turn[inside])), 95) < np.radians(5)
+    assert np.median(kerb.height_m[inside]) == pytest.approx(0.10, abs=0.01)
+    assert np.median(kerb.top_v_m[inside]) == pytest.approx(-width_m, abs=0.03)
+
+
+def test_a_bank_that_goes_on_rising_is_no_kerb():
+    rng = np.random.default_rng(8)
+    u, v = rng.uniform(0, 20, 35_000), rng.uniform(-1.0, 6.0, 35_000)
+    h = 0.3 * np.clip(-v, 0.0, None) + rng.normal(0, 0.006, len(v))
+    boxes = boxes_of(turned(np.column_stack([u, v, h]), 30.0))
+    assert not (boxes.form == BoxForm.KERB).any()
+
+
 def test_few_points_show_a_kerb_over_a_longer_stretch():
     rng = np.random.default_rng(5)
     # 12 points a square metre, of which hardly any on the face: 20 in a metre of road and footway

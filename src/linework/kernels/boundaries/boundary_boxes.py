@@ -13,6 +13,7 @@ from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
 from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
 from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, may_be_kerb
+from linework.kernels.boundaries.kerb_ramps import ramp_in_cell, ramp_instead
 from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, BY_ROUGHNESS
 from linework.kernels.boundaries.profiles import (
@@ -88,6 +89,11 @@ def box_in_cell(
     if may_be_kerb(floor, (slopes, rise), limits):
         area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
         why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, scratch, box)
+        # A sloping face, where there is no step or a ramp explains it better
+        if why == BOX_FOUND:
+            why = ramp_instead(data, place, floor, area[1], limits, scratch, box)
+        else:
+            why = ramp_in_cell(data, place, floor, slopes, area[1], limits, scratch, box)
     if (
         why != BOX_FOUND
         and share >= LEAST_FLOOR_SHARE

@@ -266,28 +266,21 @@ def _kerb_over(
     # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
     if is_long and _rougher_than_usual(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
-    if is_long and not _rises_throughout(work, n, step, scale, half_u):
+    if is_long and not rises_throughout(work, n, step, scale, half_u):
         return BOX_ELSEWHERE
     filled_shares(work, n, step, scale, half_u, share)
     vx, vy, foot = step[STEP_VX], step[STEP_VY], step[STEP_FOOT]
     low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
-    if not _is_kerb(step, share, floor, limits):
+    if not is_kerb(step, share, floor, limits):
         return BOX_NO_ROAD
-    u = 0.5 * (low + high)
-    dx, dy = foot * vx + u * vy, foot * vy - u * vx
-    box[BOX_X], box[BOX_Y] = x + mx + dx, y + my + dy
-    box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + step[STEP_FLOOR_A]
-    box[BOX_Z] += step[STEP_FLOOR_B] * u + step[STEP_FLOOR_C] * foot
-    box[BOX_UX], box[BOX_UY] = vy, -vx
-    box[BOX_HALF_U] = max(min(share[COVER_U_HIGH] - u, u - share[COVER_U_LOW], HALF_LENGTH_M * scale), 0.05)
-    _write_step(step, share, box)
+    write_kerb(step, share, plane, (x + mx, y + my), 0.5 * (low + high), scale, box)
     return BOX_FOUND
 
 
 @njit(cache=True, nogil=True)
-def _rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, half_u: float) -> bool:
+def rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, half_u: float) -> bool:
     """Return whether a measured step rises by half of its height and more in both halves of its window along u.
 
     What stands at one place only (a post, a car's corner, a few strays) makes no long step. Parameters as for
@@ -318,8 +311,26 @@ def _rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, 
 
 
 @njit(cache=True, nogil=True)
-def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
-    """Write the columns of a box (18,) that follow from its measured step (18,) and cover (5,)."""
+def write_kerb(
+    step: FloatArray,
+    share: FloatArray,
+    plane: FloatArray,
+    place: tuple[float, float],
+    u: float,
+    scale: float,
+    box: FloatArray,
+) -> None:
+    """Write the box (18,) of a measured step (18,) with this cover (5,).
+
+    plane: (3,), above which the step was measured, at `place` [m]. u: middle of the box along the foot [m].
+    """
+    vx, vy, foot = step[STEP_VX], step[STEP_VY], step[STEP_FOOT]
+    dx, dy = foot * vx + u * vy, foot * vy - u * vx
+    box[BOX_X], box[BOX_Y] = place[0] + dx, place[1] + dy
+    box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + step[STEP_FLOOR_A]
+    box[BOX_Z] += step[STEP_FLOOR_B] * u + step[STEP_FLOOR_C] * foot
+    box[BOX_UX], box[BOX_UY] = vy, -vx
+    box[BOX_HALF_U] = max(min(share[COVER_U_HIGH] - u, u - share[COVER_U_LOW], HALF_LENGTH_M * scale), 0.05)
     box[S_V], box[S_U] = step[STEP_SIGMA_V], step[STEP_SIGMA_U]
     box[S_Z] = 2.0 * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
     box[SCORE] = _score(step, share)
@@ -330,7 +341,7 @@ def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _is_kerb(
+def is_kerb(
     step: FloatArray,
     share: FloatArray,
     floor: LocalFloor,

@@ -330,7 +330,7 @@ def measure_step(
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
             beta_sigma = max(blur / spread_u, 0.02)
-        _write(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
+        write_step(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
         out[STEP_HEIGHT], out[STEP_N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = (
             h,
             n_face,
@@ -389,12 +389,13 @@ def _change_over(
 
 
 @njit(cache=True, nogil=True)
-def _write(
+def write_step(
     out: FloatArray,
     edges: tuple[float, float, float, float],
     floor: tuple[float, float, float, float, float],
     top: tuple[float, float, float, float],
 ) -> None:
+    """Write the columns of a step (18,) that its three parts give: edges, floor and top."""
     out[STEP_VX], out[STEP_VY], out[STEP_FOOT], out[STEP_TOP] = edges
     out[STEP_FLOOR_A], out[STEP_FLOOR_B], out[STEP_FLOOR_C], out[STEP_NOISE], out[STEP_N_FLOOR] = floor
     out[STEP_TOP_A], out[STEP_TOP_C], out[STEP_NOISE_TOP], out[STEP_N_TOP] = top
