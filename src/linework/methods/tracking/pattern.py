@@ -302,12 +302,13 @@ def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     for i in np.flatnonzero((length < usual_m - WHOLE_PAINT_M) & ~is_whole).tolist():
         order = np.argsort(np.abs(middle - middle[i]), kind="stable")
         near = order[is_whole[order]][:N_NEAR]
-        folded = _folded(dashes[near], np.rint((middle[near] - middle[i]) / rhythm.period_m), rhythm)
-        start, end = folded.mean(axis=0).tolist()
-        is_inside = start - WHOLE_PAINT_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_PAINT_M
-        if len(near) >= LEAST_WHOLE and np.ptp(folded, axis=0).max() <= WHOLE_PAINT_M and is_inside:
-            out[i] = start, end
-            continue
+        if len(near) >= LEAST_WHOLE:
+            folded = _folded(dashes[near], np.rint((middle[near] - middle[i]) / rhythm.period_m), rhythm)
+            start, end = folded.mean(axis=0).tolist()
+            is_inside = start - WHOLE_PAINT_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_PAINT_M
+            if np.ptp(folded, axis=0).max() <= WHOLE_PAINT_M and is_inside:
+                out[i] = start, end
+                continue
         # Along a bend the period changes: the nearest few may agree where more do not
         for n_near in (2 * N_NEAR + 1, N_NEAR + 1):
             near = order[:n_near]
