@@ -158,6 +158,66 @@ def test_dashes_gaps_and_missing_dashes():
     assert row.value == 0.0 and row.n == 7 and row.measured_share == 0.875
 
 
+def dashed_road(dashes):
+    return straight(
+        [
+            *ROAD[:4],
+            *((f"dash {a}", "lane_marking_dash", 0.0, 0.0, "dashed", ends) for a, ends in enumerate(dashes)),
+        ]
+    )
+
+
+def test_worn_dashes_do_not_shorten_the_rhythm():
+    # A third of the dashes is worn at one end, and single ends are off by up to half the distance of scan lines
+    rng = np.random.default_rng(3)
+    starts = 9.0 * np.arange(11.0) + rng.uniform(-0.04, 0.04, 11)
+    ends = 9.0 * np.arange(11.0) + 3.0 + rng.uniform(-0.04, 0.04, 11)
+    ends[1::3] -= rng.uniform(0.5, 2.0, 4)
+    lines, axis = dashed_road(zip(starts, ends, strict=True))
+    report = chainage_report(lines, [axis], every_m=10.0, standard="uk")
+    lengths, gaps = rows_of(report, "dash_length"), rows_of(report, "gap_length")
+    assert len(lengths) >= 9 and len(gaps) >= 9
+    for rows, true in ((lengths, 3.0), (gaps, 6.0)):
+        assert all(abs(r.value - true) < 0.04 and 0.01 <= r.sigma < 0.05 for r in rows)
+    assert {r.verdict for r in lengths[:-1]} == {"ok"}
+    # What two dashes of nine left says nothing of their length
+    few = [
+        (9.0 * k, 9.0 * k + length) for k, length in enumerate((0.6, 1.4, 2.9, 2.2, 1.0, 1.8, 3.0, 0.9, 2.5))
+    ]
+    lines, axis = dashed_road(few)
+    report = chainage_report(lines, [axis], every_m=10.0)
+    assert {r.value for r in rows_of(report, "dash_length")} == {None}
+    # A dash that was drawn through a gap is none of the rhythm
+    long = [(9.0 * k, 9.0 * k + (6.5 if k == 4 else 3.0)) for k in range(10)]
+    lines, axis = dashed_road(long)
+    report = chainage_report(lines, [axis], every_m=9.0)
+    assert [r.value for r in rows_of(report, "dash_length", from_m=36.0)] == [None]
+    assert len([r for r in rows_of(report, "dash_length") if r.value is not None]) == 9
+
+
+@pytest.mark.parametrize("form", ["edge", "kerb"])
+def test_a_lane_has_no_width_where_its_edge_line_may_be_missing(form):
+    road = [*ROAD[:4], ("outer", "lane_marking", -2.9, 0.0, "solid", (0, 40))]
+    lines, axis = straight(road)
+    lines = lines.with_columns(
+        form=np.array(["", "", form, form, ""]), role=np.array(["edge", "centre", "", "", "edge"])
+    )
+    widths = {
+        r.line: r for r in rows_of(chainage_report(lines, [axis], every_m=100.0), "lane_width", from_m=0.0)
+    }
+    # Beyond 40 m no line lies between the middle and the end of the carriageway: as wide as before it is not
+    np.testing.assert_allclose(widths["outer | middle"].value, 2.9, atol=1e-6)
+    assert widths["right | middle"].value is None and widths["right | middle"].measured_share == 0.0
+    np.testing.assert_allclose(widths["middle | edge"].value, 3.5, atol=1e-6)
+    # Without any edge line on this side there is none at a kerb
+    lines, axis = straight(ROAD[:4])
+    lines = lines.with_columns(form=np.array(["", "", form, form]))
+    (row,) = rows_of(
+        chainage_report(lines, [axis], every_m=100.0), "lane_width", line="right | middle", from_m=0.0
+    )
+    assert row.value == (None if form == "edge" else pytest.approx(3.4, abs=1e-6))
+
+
 def test_a_wire_across_the_road_is_over_both_lanes():
     lines, axis = straight(ROAD[:4])
     place = axis.xyz[50]
@@ -224,6 +284,15 @@ def test_every_limit_has_a_source_and_a_row(standard):
     assert any(row.limit_source for row in report.rows)
 
 
+def in_order(rows):
+    """Return rows of any table in one order, an unknown value as infinity."""
+    return sorted(
+        (float(r["from_m"]), r["quantity"], r["statistic"], r["line"] or "",
+         np.inf if r["value"] in (None, "") else float(r["value"]))
+        for r in rows
+    )  # fmt: skip
+
+
 def test_all_tables_hold_the_same_rows(linework, tmp_path):
     write_lines(road_lines(), tmp_path / "road.gpkg")
     for suffix in ("csv", "xlsx", "gpkg", "html"):
@@ -242,9 +311,8 @@ def test_all_tables_hold_the_same_rows(linework, tmp_path):
     db.close()
     key = [(r["from_m"], r["quantity"], r["statistic"], r["line"], r["value"]) for r in rows]
     assert len(set(key)) == len(rows) == len(stored) == len(sheets) > 100
-    for other in (sheets, [dict(zip(names, row, strict=True)) for row in stored]):
-        assert sorted((float(r["from_m"]), r["quantity"], r["statistic"], r["line"] or "", float(r["value"])) for r in other) == \
-            sorted((float(a), b, c, d, float(e)) for a, b, c, d, e in key)  # fmt: skip
+    stored_rows = [dict(zip(names, row, strict=True)) for row in stored]
+    assert in_order(sheets) == in_order(stored_rows) == in_order(rows)
     page = (tmp_path / "r.html").read_text()
     assert page.count("data:image/png;base64,") >= 2 and "http" not in page.replace("http-equiv", "")
 

@@ -84,6 +84,16 @@ def test_a_bright_verge_and_studs_are_not_taken_for_paint():
     assert abs(share.mean() - 72.4) < 6.0
 
 
+def test_whole_paint_on_brighter_asphalt_is_whole():
+    # Same paint, brighter road: 1.5 times as bright as it beyond 25 m, before 2.5 times
+    cloud = points(1.0)
+    plain = (np.abs(cloud.xyz[:, 1]) >= WIDTH_M / 2) & (cloud.xyz[:, 0] > 25.0)
+    cloud = Points(cloud.xyz, intensity=np.where(plain, cloud.intensity * 2.5 / 1.5, cloud.intensity))
+    share = measured(marking(), cloud)["remaining_paint"][:, 0]
+    # Where the asphalt changes, one piece may have that of the other
+    assert np.count_nonzero(np.abs(share - 100.0) > 12.0) <= 1
+
+
 def test_paint_that_cannot_be_told_apart_is_unknown():
     plain = points(0.0)
     assert np.isnan(measured(marking(), plain)["remaining_paint"][:, 0]).all()

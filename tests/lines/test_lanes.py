@@ -248,6 +248,25 @@ def test_a_stray_between_paint_and_a_kerb_does_not_end_the_lane():
     assert found == {frozenset({"centre", "left"}), frozenset({"centre", "right"})}
 
 
+@pytest.mark.parametrize(
+    ("worn", "bounds"), [(0.3, {"far", "edge"}), (0.0, {"far", "older"}), (0.04, {"far", "older"})]
+)
+def test_lanes_lie_between_the_newer_lines_not_the_older_beside_them(worn, bounds):
+    # Two generations 0.4 m apart: the one that is worn more is older; stripes worn alike are a double line
+    older = ("older", "lane_marking", 3.1, "edge", "solid")
+    centre = ("centre", "lane_marking", 0.0, "centre", "dashed")
+    lines = road(EDGE, older, centre, FAR)
+    is_worn = (
+        np.isin(lines.xyz[:, 0] % 10.0, np.arange(10.0)[: round(10 * worn)])
+        if worn >= 0.1
+        else lines.xyz[:, 0] < 100 * worn
+    )
+    lines = lines.with_columns(bridged=is_worn & (lines.id[lines.line_of_vertex] == "older"))
+    lanes = find_lanes(lines)
+    assert set(np.concatenate([lanes.left_id, lanes.right_id])) == bounds | {"centre"}
+    assert lanes.width_m.max() == pytest.approx(3.5 if worn >= 0.1 else 3.4, abs=1e-6)
+
+
 def test_a_wedge_is_no_lane():
     """Behind the end of a lane its two lines run together over 60 m: the lane ends where that begins."""
     closing = (

@@ -12,20 +12,34 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
 
 #: A dash belongs to the marking whose line is this near to its middle. [m]
 _NEAR_M = 0.3
 #: Fewest dashes whose median says what the rhythm of a marking is: more than half of the gaps between four are single.
 _FEWEST = 4
+#: Whole dashes are equally long within this: an end is known to half the distance of scan lines, 0.1 m and more. [m]
+ALIKE_DASHES_M = 0.25
+#: Rounds after which shares of whole dashes change by less than a thousandth.
+_N_ROUNDS = 30
+#: Fewest equally long dashes that show a rhythm: a line through the middles of three has a scatter.
+_LEAST_WHOLE = 3
+#: Dashes less than this many times the least distance apart are next to each other.
+_SINGLE = 1.5
+#: Worn dashes were restored from as many whole ones about them, so that more are not independent: `methods.tracking.pattern`.
+_N_NEAR = 4
+#: Paint looks bright as far as the spot of a beam touches it: ends are up to half a spot of some 2 cm beyond it. [m]
+_SPOT_M = 0.02
 
 
 class MarkingRhythm(NamedTuple):
-    """Median length [m] of the dashes of a marking, and of the gaps between them."""
+    """Length [m] of the dashes of a marking, and of the gaps between them, with their standard deviations."""
 
     dash_m: float
     gap_m: float
+    dash_sigma_m: float = math.nan
+    gap_sigma_m: float = math.nan
 
 
 def dash_rhythms(lines: LineSet) -> dict[int, MarkingRhythm]:
@@ -33,21 +47,101 @@ def dash_rhythms(lines: LineSet) -> dict[int, MarkingRhythm]:
 
     >>> rows = [[[0, 0, 0], [40, 0, 0]], *([[x, 0, 0], [x + 3, 0, 0]] for x in (0, 9, 18, 27))]
     >>> kinds = ["lane_marking", *["lane_marking_dash"] * 4]
-    >>> dash_rhythms(LineSet.from_lines(rows, kind=kinds, pattern=["dashed"] * 5))
-    {0: MarkingRhythm(dash_m=3.0, gap_m=6.0)}
+    >>> dash_rhythms(LineSet.from_lines(rows, kind=kinds, pattern=["dashed"] * 5))[0][:2]
+    (3.0, 6.0)
     """
     found = {}
     for _, i, ends in dashes_by_marking(lines):
         if len(ends) < _FEWEST:
             continue
-        along = shapely.line_locate_point(
-            shapely.linestrings(lines[i].xyz[:, :2]), shapely.points(ends.mean(axis=1))
+        along = dashes_along(lines[i].xyz, ends)
+        found[i] = rhythm_of_whole(along) or MarkingRhythm(
+            float(np.median(along[:, 1] - along[:, 0])), float(np.median(along[1:, 0] - along[:-1, 1]))
         )
-        order = np.argsort(along, kind="stable")
-        middles, lengths = ends.mean(axis=1)[order], np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[order]
-        gaps = np.linalg.norm(np.diff(middles, axis=0), axis=1) - 0.5 * (lengths[1:] + lengths[:-1])
-        found[i] = MarkingRhythm(float(np.median(lengths)), float(np.median(gaps)))
     return found
+
+
+def dashes_along(xyz: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the begin and end of dashes along their marking (k, 2) [m], ascending.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) vertices of the marking. [m, world]
+    ends
+        (k, 2, 2) both ends of each dash in plan. [m, world]
+    """
+    middle = shapely.line_locate_point(shapely.linestrings(xyz[:, :2]), shapely.points(ends.mean(axis=1)))
+    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    order = np.argsort(middle, kind="stable")
+    return np.asarray(np.column_stack([middle - half, middle + half])[order])
+
+
+def whole_dashes(length_m: FloatArray) -> BoolArray:
+    """Return which dashes (k,) are more likely whole than worn.
+
+    Whole dashes of a marking have one length, with the errors of their ends; what wear left of one, or a stain made longer,
+    has any length. Shares, length and scatter of the two are those that explain all lengths best (by expectation and
+    maximisation, Dempster 1977, doi:10.1111/j.2517-6161.1977.tb01600.x), begun with the most lengths within `ALIKE_DASHES_M`,
+    of equal numbers the longest.
+
+    >>> whole_dashes(np.array([3.0, 1.1, 2.95, 3.02, 1.9, 2.5])).tolist()
+    [True, False, True, True, False, False]
+    """
+    if not len(length_m):
+        return np.zeros(0, dtype=bool)
+    ascending = np.sort(length_m)
+    n_alike = np.searchsorted(ascending, ascending + ALIKE_DASHES_M, side="right") - np.arange(len(ascending))
+    shortest = ascending[len(ascending) - 1 - int(np.argmax(n_alike[::-1]))]
+    chance = np.where((length_m >= shortest) & (length_m <= shortest + ALIKE_DASHES_M), 1.0, 0.0)
+    for _ in range(_N_ROUNDS):
+        n = float(chance.sum())
+        mean = float(chance @ length_m) / n
+        sigma = max(math.sqrt(float(chance @ (length_m - mean) ** 2) / n), _SPOT_M)
+        whole = (
+            n
+            / len(length_m)
+            * np.exp(-0.5 * ((length_m - mean) / sigma) ** 2)
+            / (sigma * math.sqrt(2.0 * math.pi))
+        )
+        chance = whole / (whole + (1.0 - n / len(length_m)) / ascending[-1])
+    return np.asarray(chance > 0.5)
+
+
+def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
+    """Return the rhythm of the whole dashes of a stretch, None where less than three, or half of all, are equally long and a whole number of periods apart.
+
+    A single end is as far off as half the distance of scan lines. A mean over many dashes is not, and the period is
+    known better still, as it adds up from the first whole dash to the last.
+
+    Parameters
+    ----------
+    dashes
+        (k, 2) begin and end along the marking [m], ascending.
+
+    >>> worn = np.array([[0.0, 3.0], [9.0, 12.0], [18.6, 20.0], [27.0, 30.0], [45.0, 48.0]])
+    >>> [round(value, 3) for value in rhythm_of_whole(worn)[:2]]
+    [3.0, 6.0]
+    """
+    whole = dashes[whole_dashes(dashes[:, 1] - dashes[:, 0])] if len(dashes) else dashes
+    n = len(whole)
+    if n < _LEAST_WHOLE or 2 * n < len(dashes):
+        return None
+    length, middle = whole[:, 1] - whole[:, 0], whole.mean(axis=1)
+    step = np.diff(middle)
+    single = float(np.median(step[step <= _SINGLE * step.min()]))
+    number = np.concatenate([[0.0], np.cumsum(np.rint(step / single))])
+    number -= number.mean()
+    spread = float(number @ number)
+    period = float(number @ middle) / spread
+    off = middle - middle.mean() - period * number
+    if math.sqrt(float(off @ off) / n) > ALIKE_DASHES_M:
+        return None
+    n_own = min(n, _N_NEAR)
+    dash_sigma = math.hypot(float(length.std(ddof=1)) / math.sqrt(n_own), _SPOT_M / math.sqrt(3.0))
+    period_sigma = math.sqrt(float(off @ off) / (n - 2) / spread)
+    dash = float(length.mean())
+    return MarkingRhythm(dash, period - dash, dash_sigma, math.hypot(dash_sigma, period_sigma))
 
 
 def dashes_by_marking(lines: LineSet) -> Iterator[tuple[str, int, FloatArray]]:

@@ -31,6 +31,11 @@ _DOUBLE_M = 1.0
 #: lane the shorter may bound a cycle lane, or lie within a lane (patches, letters): its pieces count one by one, those
 #: that were joined to one line as well. [m]
 STRAY_PAINT_M = (0.5, 1.2)
+#: Stripes of a double line are this far apart (decision 83). So is older paint from the line that replaced it. [m]
+_TWO_STRIPES_M = (0.15, 0.5)
+#: Wear comes in patches of this length, so that as many places of a line are worn independently [m]; a line that is worn
+#: more than the one beside it by this many standard deviations is older.
+_PATCH_M, _OLDER_SIGMAS = 2.5, 3.0
 #: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
 #: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
 _STRIP_M = 1.5
@@ -71,6 +76,7 @@ class BoundEvidence:
         self._size = _sizes(lines, self._measured_m)
         #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
         self.strays: set[int] = set()
+        self._side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
         self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
         self._beside_edge: set[int] = set()
@@ -103,6 +109,13 @@ class BoundEvidence:
                     shorter = min((a.line, b.line), key=lambda i: self._size[i])
                     in_strip[shorter] += 1
                     beside[shorter] += apart < STRAY_PAINT_M[1]
+                if (
+                    self._is_paint[a.line]
+                    and self._is_paint[b.line]
+                    and _TWO_STRIPES_M[0] <= apart <= _TWO_STRIPES_M[1]
+                ):
+                    first, second = sorted((a, b))
+                    self._side_by_side[first.line, second.line].append((first.bridged, second.bridged))
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed:
@@ -114,6 +127,23 @@ class BoundEvidence:
         self.strays |= {
             line for line, n in beside.items() if self._is_unknown[line] and self._is_most_of(line, n)
         }
+
+        self.strays |= self._older_paint()
+
+    def _older_paint(self) -> set[int]:
+        """Return the lines along one that is less worn, nearer than a lane is wide: older paint, where new was put beside it.
+
+        The stripes of a double line are worn alike, as the same traffic wears them.
+        """
+        found: set[int] = set()
+        for (a, b), flags in self._side_by_side.items():
+            share = np.mean(flags, axis=0)
+            older = a if share[0] > share[1] else b
+            n_patches = len(flags) * STATION_M / _PATCH_M
+            sigma = np.sqrt(2.0 * share.mean() * (1.0 - share.mean()) / n_patches)
+            if np.ptp(share) > _OLDER_SIGMAS * sigma and self._is_most_of(older, len(flags)):
+                found.add(older)
+        return found
 
     def _is_most_of(self, line: int, n_stations: int) -> bool:
         return n_stations * STATION_M > 0.5 * float(self._length_m[line])

@@ -173,6 +173,18 @@ def test_worn_dashes_are_restored_from_those_around_them():
     np.testing.assert_allclose(whole, np.column_stack([start, start + 6.0]), atol=0.6)
 
 
+def test_dashes_of_which_none_is_whole_stay_or_are_restored_without_a_fault():
+    start = 9.0 * np.arange(6.0)
+    for seed in range(40):
+        length = np.random.default_rng(seed).uniform(0.5, 3.0, 6)
+        dashes = np.column_stack([start, start + length])
+        whole = restore_worn_dashes(dashes, PaintRhythm(9.0, 3.2, 0.5))
+        assert np.all(whole[:, 1] - whole[:, 0] >= 0.5) and np.isfinite(whole).all()
+    # One dash of three metres beside ones of every other length is no group
+    ladder = np.column_stack([start, start + np.array([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])])
+    assert restore_worn_dashes(ladder, PaintRhythm(9.0, 3.2, 0.5)).shape == (6, 2)
+
+
 def test_a_long_worn_line_in_many_pieces_is_a_marking_not_a_row_of_symbols():
     at = (0.0, 8.3, 17.0, 30.0, 38.4, 52.7, 60.1, 75.0)
     markings, _ = lines_of(boxes_on(*[straight(2.2, x=x) for x in at]))

@@ -9,55 +9,69 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray
 from linework.evaluation.chainage.samples import Sample
 from linework.lines.crosscuts import Axis
-from linework.lines.dashes import dashes_by_marking
+from linework.lines.dashes import (
+    ALIKE_DASHES_M,
+    MarkingRhythm,
+    dashes_along,
+    dashes_by_marking,
+    rhythm_of_whole,
+)
 from linework.model.lines import LineSet
 
 #: Stations beyond this are those of another road. [m]
 _FAR_M = 30.0
+#: The rhythm is that of the dashes this near: means of markings are over 100 m (CS 126). [m]
+_ABOUT_M = 50.0
 
 
 def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
     """Yield the length of each dash, the gap after it, and the number of dashes missing in it.
 
-    A gap with room for more dashes, of the marking's own rhythm (medians), is missing paint where the marking was
-    measured; where it was bridged, the gap is not counted.
+    Lengths are those of the marking's rhythm about the dash, from the whole dashes there: of a worn dash less is left, and
+    a single end is known to half the distance of scan lines only. Where no rhythm is known they are unknown, and those of
+    a dash that is too long for it. A gap with room for more dashes is missing paint where the marking was measured; where
+    it was bridged, the gap is not counted.
     """
     tree = cKDTree(axis.xyz[:, :2])
     for name, line, ends in dashes_by_marking(lines):
-        middles = ends.mean(axis=1)
-        away, station = tree.query(middles)
-        order = np.argsort(axis.station_m[station], kind="stable")
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        gaps = (
-            np.linalg.norm(np.diff(middles[order], axis=0), axis=1)
-            - (lengths[order][:-1] + lengths[order][1:]) / 2
+        along = dashes_along(lines[line].xyz, ends)
+        middle = along.mean(axis=1)
+        shape = shapely.linestrings(lines[line].xyz[:, :2])
+        places = shapely.get_coordinates(shapely.line_interpolate_point(shape, middle))
+        corners = shapely.get_coordinates(shapely.line_interpolate_point(shape, along.ravel())).reshape(
+            -1, 2, 2
         )
-        period = float(np.median(lengths) + np.median(gaps)) if len(gaps) else math.inf
-        for place, i in enumerate(order.tolist()):
-            if away[i] > _FAR_M:
-                continue
+        away, station = tree.query(places)
+        for i in np.flatnonzero(away <= _FAR_M).tolist():
             s = float(axis.station_m[station[i]])
-            offset = float((middles[i] - axis.xyz[station[i], :2]) @ axis.left[station[i]])
+            offset = float((places[i] - axis.xyz[station[i], :2]) @ axis.left[station[i]])
+            rhythm = rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M])
+            is_known = rhythm is not None and along[i, 1] - along[i, 0] <= rhythm.dash_m + ALIKE_DASHES_M
             # Of a dash at a hidden stretch a part may be hidden
-            is_part = _is_bridged(lines, line, ends[i, 0], ends[i, 1])
-            length = None if is_part else float(lengths[i])
-            yield Sample(s, offset, "marking", "dash_length", name, length, math.nan)
-            if place == len(gaps):
+            is_whole = is_known and not _is_bridged(lines, line, *corners[i])
+            dash, gap, dash_sigma, gap_sigma = rhythm or MarkingRhythm(math.nan, math.nan)
+            yield Sample(s, offset, "marking", "dash_length", name, dash if is_whole else None, dash_sigma)
+            if i + 1 == len(along):
                 continue
-            hidden = _is_bridged(lines, line, middles[i], middles[order[place + 1]])
-            missing = max(round((gaps[place] + np.median(lengths)) / period) - 1, 0) if period > 0 else 0
+            is_known = is_known and not _is_bridged(lines, line, places[i], places[i + 1])
+            missing = round((middle[i + 1] - middle[i]) / (dash + gap)) - 1 if is_known else 0
             yield Sample(
-                s, offset, "marking", "missing_dashes", name, None if hidden else float(missing), math.nan
+                s,
+                offset,
+                "marking",
+                "missing_dashes",
+                name,
+                max(missing, 0.0) if is_known else None,
+                math.nan,
             )
-            if hidden:
-                yield Sample(s, offset, "marking", "gap_length", name, None, math.nan)
-            elif not missing:
-                yield Sample(s, offset, "marking", "gap_length", name, float(gaps[place]), math.nan)
+            if missing <= 0:
+                yield Sample(s, offset, "marking", "gap_length", name, gap if is_known else None, gap_sigma)
 
 
 def _is_bridged(lines: LineSet, i: int, a: FloatArray, b: FloatArray) -> bool:

@@ -29,6 +29,8 @@ _MOST_MISTAKEN = 0.25
 _MOST_OF_WIDTH = 0.25
 #: Points this far from the brightness of the road, in its own deviations, are no road. [deviations]
 _ROAD_SIGMAS = 2.0
+#: Pieces this near have the same road beside them: patches of other asphalt are longer. [m]
+_SAME_ROAD_M = 10.0
 #: Places this near to each other have paint or none together: worn patches are decimetres wide. [m]
 _PATCH_M = 0.10
 
@@ -36,7 +38,7 @@ _PATCH_M = 0.10
 def paint_samples(lines: LineSet, axis: Axis, pieces: PaintPieces) -> Iterator[Sample]:
     """Yield the share of paint left [%], the contrast to the road, and the width [m] of each piece of a marking.
 
-    Each marking has one brightness of whole paint, as a ratio to the road beside: the median of the points about it, down to the
+    Whole paint has one brightness along 20 m of a marking, as a ratio to the road beside: the median of the points about it, down to the
     middle between it and the road (Ridler and Calvard 1978, doi:10.1109/TSMC.1978.4310039, with medians). What is left
     is the share of points above that middle, corrected by how many points of plain road are above it and of paint below.
     """
@@ -44,22 +46,22 @@ def paint_samples(lines: LineSet, axis: Axis, pieces: PaintPieces) -> Iterator[S
         return
     tree = cKDTree(axis.xyz[:, :2])
     away, station = tree.query(pieces.xy)
-    for rows, whole, mistaken in _by_marking(pieces):
+    for rows, found in _by_marking(pieces):
         number = int(pieces.line[rows[0]])
         name = str(lines.id[number]) or f"line {number + 1}"
         for row in rows[away[rows] <= _FAR_M].tolist():
             i = int(station[row])
             s, offset = float(axis.station_m[i]), float((pieces.xy[row] - axis.xyz[i, :2]) @ axis.left[i])
-            for quantity, (value, sigma) in _measured(pieces, row, whole, mistaken).items():
+            for quantity, (value, sigma) in found[row].items():
                 yield Sample(s, offset, "marking", quantity, name, value, sigma)
 
 
 def paint_left(pieces: PaintPieces) -> tuple[FloatArray, FloatArray]:
     """Return the share of paint left in each piece and its standard deviation, (p,) each [%]; NaN where unknown."""
     left = np.full((2, len(pieces)), np.nan)
-    for rows, whole, mistaken in _by_marking(pieces):
+    for rows, found in _by_marking(pieces):
         for row in rows.tolist():
-            share, sigma = _measured(pieces, row, whole, mistaken)["remaining_paint"]
+            share, sigma = found[row]["remaining_paint"]
             left[:, row] = math.nan if share is None else share, sigma
     return left[0], left[1]
 
@@ -75,14 +77,12 @@ def paint_stretches(lines: LineSet, pieces: PaintPieces, *, every_m: float = 10.
         Length of a stretch. [m]
     """
     found = []
-    for rows, whole, mistaken in _by_marking(pieces):
+    for rows, measured in _by_marking(pieces):
         number = int(pieces.line[rows[0]])
         shape = shapely.linestrings(lines[number].xyz[:, :2])
         along = shapely.line_locate_point(shape, shapely.points(pieces.xy[rows]))
         for stretch in np.unique(along // every_m).tolist():
-            own = [
-                _measured(pieces, row, whole, mistaken) for row in rows[along // every_m == stretch].tolist()
-            ]
+            own = [measured[row] for row in rows[along // every_m == stretch].tolist()]
             values: dict[str, tuple[float | None, float | None]] = {}
             for quantity in own[0]:
                 known = [one[quantity] for one in own if one[quantity][0] is not None]
@@ -97,13 +97,31 @@ def paint_stretches(lines: LineSet, pieces: PaintPieces, *, every_m: float = 10.
     return found
 
 
-def _by_marking(pieces: PaintPieces) -> Iterator[tuple[IntArray, float | None, tuple[float, float]]]:
-    """Yield the pieces of each marking, the brightness of its whole paint, and how often noise crosses the middle."""
+_Measured = dict[str, tuple[float | None, float]]
+
+
+def _by_marking(pieces: PaintPieces) -> Iterator[tuple[IntArray, dict[int, _Measured]]]:
+    """Yield the pieces of each marking, and what was measured of each.
+
+    The brightness of whole paint is that of the pieces about each: the road beside it, to which it is a ratio, is brighter
+    on one patch of asphalt than on another. Where little paint is left it is that of the whole marking.
+    """
     for number in np.unique(pieces.line).tolist():
         rows = np.flatnonzero(pieces.line == number)
-        on, beside = pieces.on[rows].sum(axis=0), pieces.beside[rows].sum(axis=0)
-        whole = _whole_paint(on, beside)
-        yield rows, whole, _mistaken(on, beside, whole)
+        on, beside = pieces.on[rows], pieces.beside[rows]
+        usual = _whole_paint(on.sum(axis=0), beside.sum(axis=0))
+        found = {}
+        for row, about in zip(
+            rows.tolist(),
+            cKDTree(pieces.xy[rows]).query_ball_point(pieces.xy[rows], _SAME_ROAD_M),
+            strict=True,
+        ):
+            here = on[about].sum(axis=0), beside[about].sum(axis=0)
+            whole = None if usual is None else _whole_paint(*here)
+            if whole is None:
+                whole, here = usual, (on.sum(axis=0), beside.sum(axis=0))
+            found[row] = _measured(pieces, row, whole, _mistaken(*here, whole))
+        yield rows, found
 
 
 def _whole_paint(on: IntArray, beside: IntArray) -> float | None:
@@ -148,13 +166,9 @@ def _mistaken(on: IntArray, beside: IntArray, whole: float | None) -> tuple[floa
     return above, min(0.5 * far / max(upper, 1.0), 0.5)
 
 
-def _measured(
-    pieces: PaintPieces, row: int, whole: float | None, mistaken: tuple[float, float]
-) -> dict[str, tuple[float | None, float]]:
+def _measured(pieces: PaintPieces, row: int, whole: float | None, mistaken: tuple[float, float]) -> _Measured:
     """Return share left [%], contrast and width [m] of one piece, each with its standard deviation."""
-    hidden: dict[str, tuple[float | None, float]] = dict.fromkeys(
-        ("remaining_paint", "contrast", "width"), (None, math.nan)
-    )
+    hidden: _Measured = dict.fromkeys(("remaining_paint", "contrast", "width"), (None, math.nan))
     on, ratio = pieces.on[row], ratio_of_bin()
     n = int(on.sum())
     if whole is None or n < _LEAST_ON or sum(mistaken) > 2 * _MOST_MISTAKEN:

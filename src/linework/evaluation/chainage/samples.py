@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along
-from linework.lines.crosscuts import Axis, CrossCuts
+from linework.lines.crosscuts import STATION_M, Axis, CrossCuts
 from linework.lines.lane_evidence import STRAY_PAINT_M
 from linework.model.lines import LineSet
 
@@ -26,6 +26,8 @@ LANE_WIDTHS_M = (2.2, 6.0)
 _FACE_M = 0.5
 #: A rail belongs to the road whose edge is this near. [m]
 _RAIL_REACH_M = 6.0
+#: Edge lines that end go on where they are seen again this near: worn for longer, they are gone. [m]
+_SAME_PAINT_M = 100.0
 #: Distance of places along a wire. [m]
 _WIRE_STEP_M = 0.25
 
@@ -65,18 +67,19 @@ class Crossing(NamedTuple):
     sigma_z_m: float
     bridged: bool
     role: str = ""
+    form: str = ""
 
 
 def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[Crossing]]:
     """Return the lines along the road at each station, from right to left."""
     found: list[list[Crossing]] = [[] for _ in range(n_stations)]
-    kinds, ids, roles = lines.kind.tolist(), lines.id.tolist(), lines.role.tolist()
+    kinds, ids, roles, forms = (column.tolist() for column in (lines.kind, lines.id, lines.role, lines.form))
     for row in np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE).tolist():
         i = int(cuts.line[row])
         found[int(cuts.station[row])].append(
             Crossing(
                 kinds[i], ids[i] or f"line {i + 1}", float(cuts.offset_m[row]), float(cuts.up_m[row]),
-                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]), roles[i],
+                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]), roles[i], forms[i],
             )
         )  # fmt: skip
     return found
@@ -84,11 +87,12 @@ def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[
 
 def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
     """Yield the samples of all stations: lanes and carriageway, kerbs, guardrails and barriers."""
-    for s, here in zip(axis.station_m.tolist(), crossings, strict=True):
+    paint_near = _paint_near(crossings)
+    for k, (s, here) in enumerate(zip(axis.station_m.tolist(), crossings, strict=True)):
         bounds = [c for c in here if c.kind in ("lane_marking", "road_boundary")]
         yield from _carriageway(s, bounds)
         for right, left in lanes_at(bounds):
-            yield from _lane(s, right, left)
+            yield from _lane(s, right, left, may_lack_edge_line(right, left, bounds, paint_near[k]))
         for top in (c for c in here if c.kind == "kerb_top"):
             feet = [
                 c for c in bounds if c.kind == "road_boundary" and abs(c.offset_m - top.offset_m) <= _FACE_M
@@ -158,10 +162,53 @@ def _may_end_at(paint: list[float]) -> bool:
     )
 
 
-def _lane(s: float, right: Crossing, left: Crossing) -> Iterator[Sample]:
+def _paint_near(crossings: list[list[Crossing]]) -> list[FloatArray]:
+    """Return the offsets [m] of all paint within `_SAME_PAINT_M` of each station, ascending."""
+    offsets = [np.array([c.offset_m for c in here if c.kind == "lane_marking"]) for here in crossings]
+    reach = round(_SAME_PAINT_M / STATION_M)
+    blocks = [
+        np.unique(np.round(np.concatenate(offsets[a : a + reach]), 1)) for a in range(0, len(offsets), reach)
+    ]
+    return [
+        np.sort(np.concatenate(blocks[max(k // reach - 1, 0) : k // reach + 2])) for k in range(len(offsets))
+    ]
+
+
+def may_lack_edge_line(
+    right: Crossing, left: Crossing, bounds: list[Crossing], paint_near_m: FloatArray
+) -> bool:
+    """Return whether a lane from paint to the end of the carriageway may lack an edge line that was not found.
+
+    One lies between both before or behind, or on the other side of the road. At a kerb there need not be one because the other
+    side has one: parking strips begin at a line.
+
+    Parameters
+    ----------
+    right, left
+        The bounds of a lane.
+    bounds
+        All of the station, from right to left.
+    paint_near_m
+        Offsets of paint at the stations about it, ascending. [m]
+    """
+    if right.kind == left.kind:
+        return False
+    paint, end = (right, left) if left.kind == "road_boundary" else (left, right)
+    side = 1.0 if end is left else -1.0
+    beyond = side * (paint_near_m - paint.offset_m)
+    width = side * (end.offset_m - paint.offset_m)
+    if np.any((beyond >= LANE_WIDTHS_M[0]) & (beyond < width)):
+        return True
+    others = (-side * (c.offset_m - paint.offset_m) for c in bounds if c.kind == "lane_marking")
+    return end.form != "kerb" and any(LANE_WIDTHS_M[0] <= other <= LANE_WIDTHS_M[1] for other in others)
+
+
+def _lane(s: float, right: Crossing, left: Crossing, is_unsure: bool) -> Iterator[Sample]:
+    """Yield width and crossfall of a lane; no width where it may end at an edge line that was not found."""
     width = left.offset_m - right.offset_m
     middle, name = (left.offset_m + right.offset_m) / 2, f"{right.name} | {left.name}"
-    yield _between(s, middle, "road", "lane_width", name, width, right, left, "xy")
+    wide = _between(s, middle, "road", "lane_width", name, width, right, left, "xy")
+    yield wide._replace(value=None) if is_unsure else wide
     fall = _between(
         s, middle, "road", "crossfall", name, 100 * (left.up_m - right.up_m) / width, right, left, "z"
     )

@@ -15,6 +15,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.kernels.paint.rhythm import best_rhythm
 from linework.kernels.paint.stripe_extent import LEAST_GAP_M
+from linework.lines.dashes import ALIKE_DASHES_M, whole_dashes
 
 #: Step at which paint is sampled along the line. [m]
 PAINT_STEP_M = 0.10
@@ -44,7 +45,7 @@ _MOST_EXPECTED = 0.99
 PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
 #: A dash is whole if its length is this near the usual one [m]; fewest whole dashes that show where others belong;
 #: number of the nearest ones that are used.
-WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
+WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = ALIKE_DASHES_M, 3, 4
 #: Range about the folded period in which the exact one lies, as a share of it, and the step in which it is looked for [m]:
 #: in a bend, dashes of a line 4 m beside the axis of one of 150 m are drawn 1/37 (2.7 %) longer or shorter than there.
 _PERIOD_REACH, _PERIOD_STEP_M = 0.03, 0.01
@@ -281,9 +282,10 @@ def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:
 def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     """Return dashes (k, 2) [m], with those that wear has shortened extended to their full length.
 
-    Dashes of one line have one length and one period. Each is folded upon those around it: where at least two of them
-    begin, and two end, at one place of the period, that is the whole dash, if it is no longer than the usual one and
-    contains the remains; otherwise it stays as it is.
+    Dashes of one line have one length and one period. Each is folded upon the whole ones nearest to it, of which at least
+    three are equally long: if they begin and end at one place of the period, that is the whole dash. Otherwise it is folded
+    upon all around it: where at least two of them begin, and two end, at one place of the period, that is the whole dash,
+    if it is no longer than the usual one. It contains the remains; if none does, they stay as they are.
 
     >>> dashes = np.array([[0.0, 3.0], [9.0, 12.0], [19.2, 20.1], [27.0, 30.0], [36.0, 39.0]])
     >>> restore_worn_dashes(dashes, PaintRhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
@@ -296,8 +298,17 @@ def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     longest_m = (1.0 + WHOLE_SHARE) * usual_m + WHOLE_PAINT_M
     middle = dashes.mean(axis=1)
     out = dashes.copy()
-    for i in np.flatnonzero(length < usual_m - WHOLE_PAINT_M).tolist():
+    is_whole = whole_dashes(length)
+    for i in np.flatnonzero((length < usual_m - WHOLE_PAINT_M) & ~is_whole).tolist():
         order = np.argsort(np.abs(middle - middle[i]), kind="stable")
+        near = order[is_whole[order]][:N_NEAR]
+        if len(near) >= LEAST_WHOLE:
+            folded = _folded(dashes[near], np.rint((middle[near] - middle[i]) / rhythm.period_m), rhythm)
+            start, end = folded.mean(axis=0).tolist()
+            is_inside = start - WHOLE_PAINT_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_PAINT_M
+            if np.ptp(folded, axis=0).max() <= WHOLE_PAINT_M and is_inside:
+                out[i] = start, end
+                continue
         # Along a bend the period changes: the nearest few may agree where more do not
         for n_near in (2 * N_NEAR + 1, N_NEAR + 1):
             near = order[:n_near]
