@@ -158,7 +158,7 @@ paint.rhythm.best_rhythm = paint pairs
 paint.stripes_all.all_stripes = paint
     f8:2C i8:1C (f8,i8,i8,i8,i8) i8:1C f8:2C f8
 radon.corridor.find_beam_starts = rails
-    f8:2C i8:1C i8 i8 f8 f8:2C f8:1C radon.corridor.BeamShape(f8,f8,f8,f8,f8,f8,f8) f8:2C
+    f8:2C i8:1C i8 i8 f8 f8:2C f8:1C radon.corridor.BeamShape(f8,f8,f8,f8,f8,f8,f8,f8,f8) f8:2C
 radon.follow.follow_sheets = rails
     f8:2C (i8:1C,f8:1C,i8:2C) (i8,i8,f8) f8:2C radon.follow.FollowSettings(f8,f8,f8,f8,f8,f8,f8) (f8,f8) radon.follow.FollowLimits(i8,i8,i8) f8:2C
 radon.peaks.peaks = cables

@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from linework.methods.rails.circles import CircleConfig
+from linework.methods.rails.forms import formed_stretches
+from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.sections import (
     DEPTHS_M,
     HALF_SECTION_M,
+    NOTHING,
     SECTION_CELL_M,
     Band,
     OutlineFit,
+    SectionForm,
     form_of_bars,
     form_of_section,
 )
@@ -114,3 +119,65 @@ def test_bars_are_judged_together():
     section = form_of_bars((upper, lower), [upper.fits, lower.fits, beside.fits])
     assert (section.kind, section.form) == ("guardrail", "tube")
     assert [band.axis_m for band in section.bands] == [0.07, 0.07]
+
+
+def test_a_mesh_is_a_fence_though_a_plinth_hides_its_foot():
+    # 1.30 m high, seen from 0.35 m up; the top of what hides the rest is a band of its own
+    mesh, plinth = plane(-0.95, 0.0), plane(-1.10, -1.0, 0.05)[::3]
+    for parts in ([mesh], [mesh, plinth]):
+        found = form_of_section(section(parts), 1.30)
+        assert (found.kind, found.form) == ("fence", "mesh")
+    assert form_of_section(section([plane(-0.80, 0.0)]), 1.30).form == ""
+
+
+def test_what_goes_on_above_the_section_has_no_upper_edge():
+    wall, fence = plane(-0.70, 0.80), plane(-0.70, 0.60)
+    assert form_of_section(section([wall]), 0.75).form == ""
+    assert form_of_section(section([fence]), 0.75).form == "mesh"
+
+
+@pytest.mark.parametrize(("size", "kind"), [(0.05, "fence"), (0.10, "guardrail")])
+def test_two_tubes_are_a_handrail_and_two_pipes_a_rail(size, kind):
+    # Seen 1 cm higher by their noise at either edge
+    parts = [plane(top - size - 0.02, top, u) for top in (0.0, -0.45) for u in (0.0, 0.01)]
+    found = form_of_section(section(parts if kind == "fence" else [pipe(0.0, size), pipe(-0.45, size)]), 0.9)
+    assert found.kind == kind
+
+
+def windows(*names):
+    """Sections of windows 2 m apart, by the first letter of what they show, and their stations."""
+    shown = {
+        "b": SectionForm("fence", "boards", tuple(Band(low, low + 0.12, "flat", 0.0, 1.0, 0.0) for low in (-0.12, -0.5))),
+        "m": SectionForm("fence", "mesh", (Band(-0.8, 0.0, "flat", 0.0, 1.0, 0.0),)),
+        "t": SectionForm("guardrail", "thrie_beam", (Band(-0.5, 0.0, "flat", 0.0, 1.0, 0.0),)),
+        "-": NOTHING,
+    }  # fmt: skip
+    letters = "".join(names)
+    return np.arange(len(letters)) * 4 + 2, [shown[letter] for letter in letters]
+
+
+def stretches(letters):
+    at, forms = windows(letters)
+    n = 4 * len(letters)
+    found = formed_stretches(at, forms, np.ones(n, dtype=bool), CircleConfig(), ProfileConfig())
+    return [
+        (s.section.form, s.run.start * 0.5, s.run.stop * 0.5, round(s.agreeing, 2))
+        for s in sorted(found, key=lambda s: s.run.start)
+    ]
+
+
+def test_windows_of_boards_and_of_mesh_are_one_fence():
+    assert stretches("bbbbmmbb") == [("boards", 0.0, 16.0, 1.0)]
+
+
+def test_a_fence_ends_where_its_windows_end_and_bridges_one_window_length():
+    ((form, start, stop, agreeing),) = stretches("-----bbbb--bb------")
+    assert form == "boards"
+    assert (start, stop) == pytest.approx((10.0, 26.0), abs=0.6)
+    assert agreeing == pytest.approx(0.75, abs=0.01)
+    assert len(stretches("bbbb-----bbbb")) == 2
+
+
+def test_a_rail_goes_on_to_its_ends_that_dip():
+    ((form, start, stop, _),) = stretches("---ttttttttt---")
+    assert (form, start, stop) == ("thrie_beam", 0.0, 30.0)

@@ -31,6 +31,15 @@ _SEED_LOW_M, _SEED_HIGH_M = -1.0, 2.2
 _TOP_STEP_M = 0.05
 #: Weight of points right above and below a beam, per equal area.
 _CLEAR_WEIGHT = 2.0
+#: Density of a sheet below the height of a beam, against that of the beam's height: one head sees the upper half of a
+#: fence, two the lower one, or the other way round.
+_SHEET_SHARE = 0.5
+#: Fewest points of a sheet on the height of a beam, in those of a beam: what a wall's noise leaves beside it is thinner.
+_LEAST_SHEET = 4.0
+#: Share of these points that must remain when those above are subtracted: one in seven is above, in equal areas.
+_EDGE_CLARITY = 0.7
+#: A sheet shows one free edge where a beam shows two: a beam at the same place comes first.
+_ONE_EDGE = 0.5
 #: Length of the pieces of a box that a beam must fill: two scan lines each at the widest spacing. [m]
 _FILLED_STEP_M = 0.5
 #: Least share of these pieces with a point. Tuned on simulated surveys of seeds 1 to 4; see docs/methods/radon.md.
@@ -61,6 +70,8 @@ class BeamShape(NamedTuple):
         Fewest points, and the least share of them that the score must reach.
     lowest, highest
         Range of the top above the road. [m]
+    sheet, highest_sheet
+        How far below its upper edge a sheet is seen, and the highest that this edge is above the road. [m]
     """
 
     strip: float
@@ -70,6 +81,8 @@ class BeamShape(NamedTuple):
     clarity: float
     lowest: float
     highest: float
+    sheet: float
+    highest_sheet: float
 
 
 @njit(cache=True, nogil=True)
@@ -208,7 +221,8 @@ def find_beams(
 
     The Radon transform of the points themselves over a few small turns, in strips across (u) and in
     height (z). A beam is a strip with points over its height and none above it and none below it: its
-    score is their number, less twice those in equal areas above and below.
+    score is their number, less twice those in equal areas above and below. Of a sheet, such as a fence of mesh,
+    only the upper edge is free; it is found by that, where the sheet is seen down to twice the height of a beam.
 
     Parameters
     ----------
@@ -223,7 +237,7 @@ def find_beams(
     out
         (most, 4), written; columns `BEAM_TURN` to `BEAM_SCORE`. Beams differ by two strips or more.
     """
-    strip, beam, clear, least, clarity, lowest, highest = shape
+    strip, beam, clear, least, clarity, lowest, highest, sheet, highest_sheet = shape
     n = gather_in_box(points, starts, n_x, n_y, cell, box, work)
     if n < least:
         return 0
@@ -233,16 +247,22 @@ def find_beams(
         level += (work[i, LOCAL_Z] - work[i, LOCAL_HEIGHT]) / n  # of the road
     half_u, step_u, step_z = box.half_across, 0.5 * strip, _TOP_STEP_M
     n_u = int(2 * half_u / step_u) + 2
-    n_beam, n_clear = round(beam / step_z), round(clear / step_z)
-    pad = n_beam + n_clear + 1
+    n_beam, n_clear, n_sheet = round(beam / step_z), round(clear / step_z), round(sheet / step_z)
+    # A sheet is told by the lower half of the second beam's height: a concrete barrier slopes away there
+    n_half = max(n_beam // 2, 1)
+    n_deep = max(n_beam + n_clear, n_sheet)
+    pad = n_deep + 1
     z_top = z_low
     for i in range(n):
         z_top = max(z_top, work[i, LOCAL_Z])
     k_low = max(pad, int((level + lowest - z_low) / step_z) + pad)
-    k_high = int((z_top - z_low) / step_z) + 1 + pad
-    k_high = min(k_high, int((level + highest - z_low) / step_z) + pad)
+    k_beam = int((level + highest - z_low) / step_z) + pad
+    # What is seen below its edge is the sheet's own, not the ground's
+    k_sheet = int((level + sheet + clear - z_low) / step_z) + pad
+    k_high = max(k_beam, int((level + highest_sheet - z_low) / step_z) + pad)
+    k_high = min(k_high, int((z_top - z_low) / step_z) + 1 + pad)
     # Only points at heights that a beam and its surroundings may have: most points are of the road
-    first, n_z = k_low - n_beam - n_clear, k_high - k_low + n_beam + 2 * n_clear + 2
+    first, n_z = k_low - n_deep, k_high - k_low + n_deep + n_clear + 2
     s, u, layer = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
     m = 0
     for i in range(n):
@@ -276,9 +296,18 @@ def find_beams(
                 if inside < least or inside <= best[b]:
                     continue
                 above = below_top[k + 2 + n_clear] - below_top[k + 2]
+                under = below_top[k + 1 - n_sheet + n_half] - below_top[k + 1 - n_sheet]
                 below = below_top[k - n_beam] - below_top[k - n_beam - n_clear]
-                score = inside - _CLEAR_WEIGHT * (above + below) * n_beam / n_clear
-                if score > best[b] and score >= clarity * inside:
+                is_sheet = k >= k_sheet - first and inside >= _LEAST_SHEET * least
+                is_sheet = is_sheet and under * n_beam >= _SHEET_SHARE * inside * n_half
+                if k >= k_beam - first and not is_sheet:
+                    continue
+                score = inside - _CLEAR_WEIGHT * (above + (0.0 if is_sheet else below)) * n_beam / n_clear
+                if score < (_EDGE_CLARITY if is_sheet else clarity) * inside:
+                    continue
+                if is_sheet:
+                    score *= _ONE_EDGE
+                if score > best[b]:
                     best[b] = score
                     best_turn[b] = turns[t]
                     best_top[b] = z_low + (k + first - pad + 1) * step_z

@@ -122,7 +122,7 @@ class RailMethod:
         # Back to the points: circles about each seed settle on the beam, and follow it through bends
         bins = bin_near(points.xyz, above_ground, binary)
         starts = find_starts(segments, bins, c.circles)
-        band_m = c.circles.min_height_m, c.max_height_m
+        band_m = c.circles.min_height_m, max(c.max_height_m, c.circles.max_sheet_m)
         chains = chains_from_starts(starts, bins, band_m, c.profile.min_length_m, c.circles)
         yield "corrected centres", [chain[:, :3] + bins.origin for chain in chains]
         # Local fits of the corrected centres; the height from the highest points

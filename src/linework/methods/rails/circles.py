@@ -74,6 +74,13 @@ class CircleConfig(Settings):
     max_top_m: float = setting(
         1.3, unit="m", reason="of a beam to start from, above the ground: bridge rails", low=0, high=5
     )
+    max_sheet_m: float = setting(
+        1.75,
+        unit="m",
+        reason="of a fence to start from, above the ground: a scanner on a roof sees over it",
+        low=0,
+        high=5,
+    )
     sheet_m: float = setting(
         0.36, unit="m", reason="height of a W-beam (31 cm) and the noise of its top", low=0.05, high=2
     )
@@ -156,6 +163,8 @@ def find_starts(segments: SeedSegments, bins: Bins, config: CircleConfig) -> Flo
         clarity=fitted.START_CLARITY,
         lowest=float(config.min_top_m),
         highest=float(config.max_top_m),
+        sheet=2.0 * (config.sheet_m - fitted.START_BLUR_M),
+        highest_sheet=float(config.max_sheet_m),
     )
     ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)

@@ -31,6 +31,9 @@ from linework.surface.road import Ground
 _AGAIN = 0.5
 #: Mean score of a stretch from which on it is more likely what it shows than not.
 _LIKELY = 0.5
+#: A mesh lets the scanner see what lies behind it, unless the land falls away there; a wall does not. Where nothing is
+#: seen behind, it is a little more likely a mesh than not: its section is that of a thin sheet.
+_BLIND = 0.6
 #: Score of a node that is rather on one line than not.
 _STEADY = 0.5
 
@@ -62,7 +65,10 @@ class _Shown(NamedTuple):
     def score(self) -> FloatArray:
         """Score (k,) of each node."""
         explained = min(self.stretch.agreeing, self.stretch.section.explained)
-        return np.asarray(self.verdict.steady[self.stretch.run] * explained)
+        score = np.asarray(self.verdict.steady[self.stretch.run] * explained)
+        if self.stretch.section.form == "mesh":
+            score = np.where(self.verdict.open_[self.stretch.run], score, _BLIND * score)
+        return score
 
 
 def with_forms(

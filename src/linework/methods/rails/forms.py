@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -109,15 +111,16 @@ def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
 
 
 def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStretch:
-    """Return what most of the windows of a run show; the window with the best explained beams stands for it."""
+    """Return what most of the windows of a run show; the window with the best explained beams stands for it.
+
+    Windows agree on a fence whatever form of fence they show: few points close the gaps between boards.
+    """
     inside = [form for i, form in zip(at.tolist(), forms, strict=True) if run.start <= i < run.stop]
     named = Counter((s.kind, s.form, len(s.bands)) for s in inside if s.form)
     if not named:
         return FormedStretch(run, NOTHING, 0.0, *np.zeros((2, run.stop - run.start)))
-    by_form: Counter[tuple[str, str]] = Counter()
-    for (kind, form, _), number in named.items():
-        by_form[kind, form] += number
-    (kind, form), number = max(by_form.items(), key=lambda item: (item[1], item[0]))
+    family, number = _most(Counter(map(_family, filter(_has_form, inside))))
+    (kind, form), _ = _most(Counter((s.kind, s.form) for s in inside if s.form and _family(s) == family))
     n_bands = max((k for k in named if k[:2] == (kind, form)), key=lambda k: (named[k], k[2]))[2]
     places = at[(at >= run.start) & (at < run.stop)]
     is_same = [(s.kind, s.form, len(s.bands)) == (kind, form, n_bands) for s in inside]
@@ -126,6 +129,20 @@ def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStr
     rise = np.interp(nodes, places, [s.bands[0].high_m for s in same])
     across = np.interp(nodes, places, [s.bands[0].axis_m for s in same])
     return FormedStretch(run, _middle(same), number / len(inside), rise, across)
+
+
+def _most(counted: Counter[Any]) -> tuple[Any, int]:
+    """Return what was counted most, and how often; of several the last in order."""
+    return max(counted.items(), key=lambda item: (item[1], item[0]))
+
+
+def _has_form(section: SectionForm) -> bool:
+    return bool(section.form)
+
+
+def _family(section: SectionForm) -> str:
+    """Return what windows of one thing agree on: the kind of a fence, kind and form of all else; "" without a form."""
+    return section.kind if section.kind == "fence" else f"{section.kind} {section.form}".strip()
 
 
 def _middle(same: list[SectionForm]) -> SectionForm:
@@ -148,7 +165,8 @@ def formed_stretches(
 ) -> list[FormedStretch]:
     """Return the runs of steady nodes whose windows show one form.
 
-    The form that most windows show comes first. Its runs go on for `max_run_on_m` where windows show nothing or, for
+    The form that most windows show comes first. Fences end where their windows end, and go on where a window's length
+    shows nothing: they do not dip into the ground, and stand in rows with walls and hedges. Runs of other forms go on for `max_run_on_m` where windows show nothing or, for
     less than that, something else: at ends that dip into the ground, under bushes, where the followed edge changes from
     one rope to the next.
 
@@ -163,25 +181,38 @@ def formed_stretches(
         return []
     n, chainage = len(steady), np.arange(len(steady), dtype=np.float64) * circles.spacing_m
     nearest = np.argmin(np.abs(np.arange(n)[:, None] - at[None]), axis=1)
-    names = np.array([f"{s.kind} {s.form}" if s.form else "" for s in forms])[nearest]
+    names = np.array([_family(s) for s in forms])[nearest]
     least = round(config.min_length_m / circles.spacing_m) + 1
     most_on = round(config.max_run_on_m / circles.spacing_m)
     free, found = steady.copy(), []
     for name, _ in sorted(Counter(names.tolist()).items(), key=lambda item: (-item[1], item[0])):
         if not name:
             continue
-        shown, others = names == name, np.zeros(n, dtype=bool)
-        for run in long_runs((names != name) & (names != ""), most_on):
-            others[run] = True
         sure = np.zeros(n, dtype=bool)
-        for run in long_runs(shown & free, _EVERY):
+        for run in long_runs((names == name) & free, _EVERY):
             sure[run] = True
-        for run in long_runs(free & ~others & near_chosen(sure, chainage, config.max_run_on_m), least):
+        if name == "fence":
+            near = _closed(sure, round(config.window_m / circles.spacing_m))
+        else:
+            near = near_chosen(sure, chainage, config.max_run_on_m)
+            for run in long_runs((names != name) & (names != ""), most_on):
+                near[run] = False
+        for run in long_runs(free & near, least):
             stretch = form_of_run(at, forms, run)
-            if (stretch.section.kind, stretch.section.form) == tuple(name.split()) and is_agreed(stretch):
+            if _family(stretch.section) == name and is_agreed(stretch):
                 found.append(stretch)
                 free[run] = False
     return found
+
+
+    """Return which nodes (n,) bool are chosen, or no more than so many nodes from one chosen to the next."""
+    """Return which nodes are chosen or in a gap of at most so many nodes between chosen ones, (n,) bool."""
+    out = chosen.copy()
+    at = np.flatnonzero(chosen)
+    for a, b in pairwise(at.tolist()):
+        if b - a - 1 <= most:
+            out[a:b] = True
+    return out
 
 
 def is_agreed(stretch: FormedStretch) -> bool:

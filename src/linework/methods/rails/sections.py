@@ -28,8 +28,8 @@ SECTION_CELL_M = 0.01
 HALF_SECTION_M = 0.30
 #: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
 _MOST_ACROSS_M = 0.20
-#: Range of a section above and below the followed edge: rails end 1.3 m above the road. [m]
-DEPTHS_M = (-1.30, 0.80)
+#: Range of a section above and below the followed edge: from a fence's top to its foot, and above a rail. [m]
+DEPTHS_M = (-1.75, 0.80)
 #: Above the ground, below this, is what grows there. [m]
 OVER_GRASS_M = 0.15
 #: Deepest gap inside a band of few points, after densities are averaged over as much: the spacing of the rays on a face a
@@ -62,15 +62,16 @@ _PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _STEP_M, _STEP_M)
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
 #: crest, 0.194 m under the upper one, are hidden. Thrie beam: 0.506 (MASH RTM08a).
 W_BEAM_M, THRIE_BEAM_M = (0.215, 0.40), (0.42, 0.60)
-#: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm; pipes, square
-#: tubes and boards, 0.06 to 0.20. [m]
-ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.07, (0.05, 0.215)
+#: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm, and half a cell;
+#: pipes, square tubes and boards, 0.06 to 0.20. [m]
+ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.075, (0.05, 0.215)
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
 #: Folded beams hang on their posts, this high above the grass at least. [m]
 HANGS_M = 0.05
-#: A fence of mesh is between this high, so that a scanner on a roof sees over it, and ends this near the ground. [m]
-FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.25
+#: A fence of mesh is between this high, so that a scanner on a roof sees over it; and ends this near the ground: a kerb,
+#: grass and the plinth that it stands on or behind hide its foot, and stand there as a band of their own. [m]
+FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.40
 #: Its highest 3 cm hold points of its own plane alone; a wall 0.1 m thick has half of them on its top, seen 17 degrees
 #: from above, a fifth seen 4 degrees from above. [share]
 MOST_TOP_SHARE = 0.2
@@ -212,8 +213,8 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     --------
     A board of 12 cm, and nothing else:
 
-    >>> counts = np.zeros((210, 40))
-    >>> counts[118:130, 19:21] = 30.0
+    >>> counts = np.zeros((255, 40))
+    >>> counts[163:175, 19:21] = 30.0
     >>> section = form_of_section(counts, 0.8)
     >>> [(band.outline, round(band.height_m, 2)) for band in section.bands], section.form
     ([('flat', 0.12)], '')
@@ -223,6 +224,9 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     if found.sum() < _LEAST_POINTS:
         return NOTHING
     edges = _bands(found.sum(axis=1), z)
+    if edges[0][1] > DEPTHS_M[1] - _GAP_CELLS * SECTION_CELL_M:
+        # A wall goes on above the section: what ends with it has no upper edge
+        return NOTHING
     bands = tuple(_explained(found, z, u, low, high) for low, high in edges)
     edge_m = _edge_of_concrete(found, z, u, bands[0], above_ground_m) if len(bands) == 1 else None
     if edge_m is not None:
@@ -371,7 +375,8 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
     heights, n = [band.height_m for band in bands], len(bands)
     pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
     foot = above_ground_m + bands[-1].low_m
-    is_low = n == 1 and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
+    is_alone = all(above_ground_m + band.high_m <= FENCE_FOOT_M for band in bands[1:])
+    is_low = is_alone and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
     # A wall and a concrete barrier have a top that is seen from above
     is_mesh = is_low and bands[0].explained >= fitted.LEAST_THIN and bands[0].top_share < MOST_TOP_SHARE
     hangs = foot >= OVER_GRASS_M + HANGS_M
