@@ -89,8 +89,8 @@ class BrightStrips:
         chosen &= cKDTree(own_xy).query(xy)[0] > SAME_AREA_M
         k = np.searchsorted(expected[:, 0], t, side="right") - 1
         chosen &= (k >= 0) & (t <= expected[np.maximum(k, 0), 1])
-        score: FloatArray = self.boxes.score[near]
-        return score[chosen]
+        score: FloatArray = self.boxes.score[near][chosen]
+        return score
 
 
 def why_not_paint(width_m: float, score: float, one_plane: float) -> str:

@@ -102,7 +102,7 @@ def marking_lines(
     strips
         Bright strips that are no paint: evidence against lines that should have paint there.
     """
-    lines, other = [], []
+    lines, other = list[SmoothMarking](), list[SmoothMarking]()
     for found in _all_markings(boxes, tracks, visible, strips):
         # What is too bare for a line may be shorter paint in a row
         parts = [found] if _is_line(found) else _without_gaps(boxes, found, strips)
