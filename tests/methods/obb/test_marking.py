@@ -12,6 +12,7 @@ from tests.scenes.paint_scenes import Stripe, in_scene, level_surface, road_poin
 from linework.arrays import FloatArray
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.methods.tracking import marking_lines
+from linework.methods.tracking.against_paint import ON_STEP
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
@@ -100,6 +101,16 @@ def test_a_strip_that_fades_into_the_road_is_no_paint(rng: np.random.Generator) 
     assert np.mean(crisp.score) > 0.8
 
 
+def test_paint_on_a_strip_that_fades_is_found_on_the_strip(rng: np.random.Generator) -> None:
+    line = Stripe((0.5, 6.0), (11.5, 6.0), 0.12, 1.5)
+    xyz, intensity = road_points(rng, [line], per_m2=900.0)
+    off = np.abs(xyz[:, 1] - 6.0)
+    boxes = sure(boxes_in(xyz, intensity * (1.0 + 0.5 * np.clip((0.25 - off) / 0.2 + 0.5, 0.0, 1.0))))
+    assert len(boxes) >= 16
+    assert np.abs(2.0 * boxes.half_v_m - 0.12).mean() < 0.02
+    assert np.abs(line.across(in_scene(boxes.centre))).max() < 0.02
+
+
 def test_the_stone_between_two_materials_is_no_paint(rng: np.random.Generator) -> None:
     stone = Stripe((0.0, 6.0), (12.0, 6.0), 0.15, 2.0)
     xyz, intensity = road_points(rng, [stone])
@@ -141,13 +152,14 @@ def test_the_stone_of_a_dropped_kerb_is_no_paint(rng: np.random.Generator, side:
         boxes = boxes.take(boxes.form == BoxForm.STRIPE)
         tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
         found, _ = marking_lines.marking_lines(boxes, tracks, everything_seen)
-        return found, [why for _, why in marking_lines.unlikely_lines(boxes, tracks, everything_seen)]
+        unlikely = marking_lines.unlikely_lines(boxes, tracks, everything_seen)
+        return found, [m.why_unlikely for m in unlikely]
 
     (line,), why = lines_of(xyz)
     assert line.confidence > 0.95 and not why
     # Too low for a step in one box, but always on the same side
     xyz[side * (xyz[:, 1] - 6.0) > 0.0, 2] += 0.02
-    assert lines_of(xyz) == ([], [marking_lines.ON_STEP])
+    assert lines_of(xyz) == ([], [ON_STEP])
 
 
 def test_a_row_of_manholes_is_no_dashed_line() -> None:

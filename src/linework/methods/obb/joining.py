@@ -26,6 +26,7 @@ from linework.methods.obb.candidates import (
 )
 from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
+from linework.methods.tracking.against_paint import BrightStrips, is_other_strip
 from linework.methods.tracking.arrangement import (
     BEHIND_KERB_M,
     GUTTER,
@@ -178,23 +179,26 @@ def find_paint(now: Joining) -> Joining:
         for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
     }
     stripes, blobs = (now.boxes[form].take(~yes) for form, yes in on_stone.items())
+    # A strip that is no paint joins no line, and speaks against one that should have paint in its place
+    is_strip = is_other_strip(stripes)
+    stripes, strips = stripes.take(~is_strip), BrightStrips(stripes.take(is_strip))
     pieces = track_lines(stripes, config, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
     pieces = drop_unlikely_pieces(pieces, stripes.score)
     # Worn pieces are joined along whole lines, along boundaries and along the path
-    whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible)
+    whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible, strips)
     guides = [*axes_of_lines(whole), *axes_of_lines(now.boundaries), *now.path]
     lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
     blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
     bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
-    markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible)
+    markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible, strips)
     other = [*other, *marking_lines.bar_lines(blobs, bars, now.is_visible)]
     if now.keeps_candidates:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
         found, _ = marking_lines.marking_lines(stones, tracks, now.is_visible)
-        unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible)
+        unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible, strips)
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
-        now = _aside(now, [Candidate(line, "lane_marking", reason) for line, reason in unlikely])
+        now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in unlikely])
     return replace(now, markings=markings, other=other)
 
 

@@ -11,7 +11,8 @@ from scipy.special import erf
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight, visible_share
-from linework.methods.tracking.fitted import INDEPENDENT_BOXES, LEAST_PIECE_SCORE
+from linework.methods.tracking.against_paint import BrightStrips, chance_of_one_plane, why_not_paint
+from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.guides import LEAST_GUIDE_M
 from linework.methods.tracking.pattern import (
     PATCH_M,
@@ -43,26 +44,15 @@ LEAST_PAINT_SHARE = 0.25
 LEAST_ROW = 6
 #: Fewest dashes of a dashed line, and smallest share of the dashes that its rhythm expects.
 LEAST_TRACKED_DASHES, LEAST_DASH_SHARE = 3, 0.5
-#: Narrowest line: paint is 0.10 m wide and more (Vienna convention of 1968, protocol on road markings), the head of a
-#: grooved rail 0.056 m. [m]
-NARROWEST_MARKING_M = 0.075
 #: Shortest bar; shorter paint is a stain. [m]
 LEAST_BAR_M = 1.0
 #: Lines are judged within this (docs/evaluation.md). [m]
 TOLERANCE_M = 0.10
-#: By how much new asphalt may be off a straight line (4 mm under a straightedge of 4 m, EN 13036-7); height of a dropped
-#: kerb, to either side of its stone (DIN 18040-3) [m]; and how rare such stones without a kerb are among bright stripes.
-UNEVEN_M, DROPPED_KERB_M, STONE_SHARE = 0.004, 0.03, 0.1
-#: Standard deviation over the median of the distances from the median, of a normal distribution; boxes of a stretch (8 m),
-#: and fewest stretches that show how uneven the ground is.
-MEDIAN_SPREAD, RISES_OF_STRETCH, LEAST_STRETCHES = 1.4826, 16, 3
-#: Why a line is more likely something else than paint.
-NARROW = "narrower than paint: a rail or a joint"
-OTHER_STRIP = "no paint: it fades at its sides, or lies between two materials"
-ON_STEP = "stone of a dropped kerb: the ground on one side is higher along all of it"
 #: Bounds of the share of a solid line that wear has removed, and of the share of missing dashes: with none or all gone
 #: no longest gap follows. [-]
 _WORN_SHARE, _MISSING_SHARE = (0.01, 0.99), (0.05, 0.8)
+#: Without any other bright strip.
+NO_STRIPS = BrightStrips(BoxSet.empty())
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +75,8 @@ class SmoothMarking:
         0 to 1.
     times_s
         First and last time of its points. [s]
+    why_unlikely
+        Why it is more likely something else than paint, or "".
     """
 
     line: SmoothLine
@@ -95,10 +87,11 @@ class SmoothMarking:
     width_m: float
     confidence: float
     times_s: tuple[float, float]
+    why_unlikely: str = ""
 
 
 def marking_lines(
-    boxes: BoxSet, tracks: Tracks, visible: Sight
+    boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips = NO_STRIPS
 ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
     """Return the lane markings among tracked stripes, and the other paint.
 
@@ -106,65 +99,50 @@ def marking_lines(
     ----------
     visible
         Whether road or ground was measured at places [m, local].
+    strips
+        Bright strips that are no paint: evidence against lines that should have paint there.
     """
-    found = [m for m in _all_markings(boxes, tracks, visible) if not _why_unlikely(m, boxes)]
-    is_line = [has_its_dashes(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
-    return [m for m, yes in zip(found, is_line, strict=True) if yes], [
-        m for m, yes in zip(found, is_line, strict=True) if not yes
-    ]
+    lines, other = list[SmoothMarking](), list[SmoothMarking]()
+    for found in _all_markings(boxes, tracks, visible, strips):
+        # What is too bare for a line may be shorter paint in a row
+        parts = [found] if _is_line(found) else _without_gaps(boxes, found, strips)
+        for m in parts:
+            if not m.why_unlikely:
+                (lines if _is_line(m) else other).append(m)
+    return lines, other
 
 
-def unlikely_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[tuple[SmoothMarking, str]]:
-    """Return the long lines among tracked stripes that are more likely something else than paint, and why."""
-    found = [(m, _why_unlikely(m, boxes)) for m in _all_markings(boxes, tracks, visible)]
-    return [(m, why) for m, why in found if why and float(np.ptp(m.paint)) >= LEAST_MARKING_M]
+def _is_line(marking: SmoothMarking) -> bool:
+    return has_its_dashes(marking) if marking.rhythm is not None else _is_solid(marking.paint)
 
 
-def _all_markings(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
-    return [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible)]
+def _without_gaps(boxes: BoxSet, marking: SmoothMarking, strips: BrightStrips) -> list[SmoothMarking]:
+    """Return the pieces of a marking between its gaps that are longer than `SHORT_GAP_M`, each at least two boxes."""
+    box = marking.boxes
+    t, reach = boxes.along(box), boxes.half_u_m[box]
+    cuts = np.flatnonzero((t[1:] - reach[1:]) - (t[:-1] + reach[:-1]) > SHORT_GAP_M) + 1
+    if len(cuts) == 0:
+        return [marking]
+    found = []
+    for piece in np.split(box, cuts):
+        if len(piece) >= 2:
+            t, reach = boxes.along(piece), boxes.half_u_m[piece]
+            paint = merged_intervals(t - reach, t + reach, CLOSE_M)
+            line = smooth_line(boxes, piece, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
+            found.append(_marking(boxes, piece, line, paint, None, strips))
+    return found
 
 
-def _why_unlikely(marking: SmoothMarking, boxes: BoxSet) -> str:
-    """Return why a line is more likely something else than paint, "" where it is wide enough and its boxes are paint."""
-    if marking.width_m < NARROWEST_MARKING_M:
-        return NARROW
-    score = float(np.mean(boxes.score[marking.boxes]))
-    if score < LEAST_PIECE_SCORE:
-        return OTHER_STRIP
-    return "" if score * chance_of_one_plane(boxes, marking.boxes) >= LEAST_PIECE_SCORE else ON_STEP
+def unlikely_lines(
+    boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips = NO_STRIPS
+) -> list[SmoothMarking]:
+    """Return the long lines among tracked stripes that are more likely something else than paint."""
+    found = _all_markings(boxes, tracks, visible, strips)
+    return [m for m in found if m.why_unlikely and float(np.ptp(m.paint)) >= LEAST_MARKING_M]
 
 
-def chance_of_one_plane(boxes: BoxSet, box: IntArray) -> float:
-    """Return the chance that the road is one plane under a line, 0 to 1, as under paint: not the stone of a kerb.
-
-    The kerb of a driveway or a crossing is too low for a step in any one box; over a line its side is always the same.
-
-    Parameters
-    ----------
-    boxes
-        With `height_m`: by how much the ground on the left lies higher [m]; NaN where that is unknown.
-    box
-        (k,) int64: the boxes of a line, in order.
-    """
-    if len(box) < RISES_OF_STRETCH:
-        return 1.0
-    along = np.gradient(boxes.centre[box, :2], axis=0)
-    rise = boxes.height_m[box] * np.sign(np.sum(along * boxes.u[box], axis=1))
-    rise = rise[np.isfinite(rise)]
-    if len(rise) < RISES_OF_STRETCH:
-        return 1.0
-    median = float(np.median(rise))
-    # The stone of a kerb has its step everywhere: ground that is as uneven from one stretch to the next has none. A line
-    # too short for stretches has boxes that err together
-    stretches = np.array_split(rise, len(rise) // RISES_OF_STRETCH)
-    if len(stretches) >= LEAST_STRETCHES:
-        spread = float(np.std([np.median(part) for part in stretches], ddof=1))
-    else:
-        spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
-    sigma = math.hypot(UNEVEN_M, spread)
-    paint = math.exp(-0.5 * (median / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
-    stone = STONE_SHARE * 0.5 / DROPPED_KERB_M
-    return paint / (paint + stone)
+def _all_markings(boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips) -> list[SmoothMarking]:
+    return [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible, strips)]
 
 
 def has_its_dashes(marking: SmoothMarking) -> bool:
@@ -189,11 +167,11 @@ def _is_solid(paint: FloatArray) -> bool:
 
 def bar_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
     """Return the bars among tracked boxes of wide paint: stop lines, crossings."""
-    found = _all_markings(boxes, tracks, visible)
-    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M and not _why_unlikely(m, boxes)]
+    found = _all_markings(boxes, tracks, visible, NO_STRIPS)
+    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M and not m.why_unlikely]
 
 
-def _markings(boxes: BoxSet, box: IntArray, visible: Sight) -> list[SmoothMarking]:
+def _markings(boxes: BoxSet, box: IntArray, visible: Sight, strips: BrightStrips) -> list[SmoothMarking]:
     """Return the markings of a track: smoothed, cut where the line has ended and where its pattern changes."""
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
@@ -213,7 +191,7 @@ def _markings(boxes: BoxSet, box: IntArray, visible: Sight) -> list[SmoothMarkin
     found: list[SmoothMarking] = []
     for first, piece in zip([0, *cuts], np.split(box, cuts), strict=True):
         if len(piece) >= 2:
-            found += _by_pattern(boxes, piece, stretches, float(t[first]))
+            found += _by_pattern(boxes, piece, stretches, float(t[first]), strips)
     return found
 
 
@@ -253,7 +231,7 @@ def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
 
 
 def _by_pattern(
-    boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch], start_m: float
+    boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch], start_m: float, strips: BrightStrips
 ) -> list[SmoothMarking]:
     """Return the markings through boxes (k,) of a track: one smooth line, cut where its pattern changes.
 
@@ -269,14 +247,14 @@ def _by_pattern(
     if all(stretch.rhythm is None for stretch in own_stretches):
         own_stretches = _within(stretches, start_m, paint) or own_stretches
     if len(own_stretches) == 1:
-        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm)]
+        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm, strips)]
     found = []
     for stretch in own_stretches:
         own = box[(t >= stretch.start_m) & (t <= stretch.end_m)]
         inside = paint[(paint[:, 1] > stretch.start_m) & (paint[:, 0] < stretch.end_m)]
         if len(own) >= 2 and len(inside):
             part = _cut(line, stretch.start_m, stretch.end_m)
-            found.append(_marking(boxes, own, part, inside, stretch.rhythm))
+            found.append(_marking(boxes, own, part, inside, stretch.rhythm, strips))
     return found
 
 
@@ -291,13 +269,22 @@ def _within(stretches: Sequence[PatternStretch], start_m: float, paint: FloatArr
 
 
 def _marking(
-    boxes: BoxSet, box: IntArray, line: SmoothLine, paint: FloatArray, rhythm: PaintRhythm | None
+    boxes: BoxSet,
+    box: IntArray,
+    line: SmoothLine,
+    paint: FloatArray,
+    rhythm: PaintRhythm | None,
+    strips: BrightStrips,
 ) -> SmoothMarking:
     """Return the marking through boxes (k,) on a smooth line, with its paint (j, 2) [m]."""
     dashes = np.zeros((0, 2)) if rhythm is None else restore_worn_dashes(dashes_of(paint, rhythm), rhythm)
+    expected = dashes if len(dashes) else np.array([[paint[0, 0], paint[:, 1].max()]])
+    against = strips.scores_where(line, boxes.centre[box, :2], expected)
+    score, one_plane = np.concatenate([boxes.score[box], against]), chance_of_one_plane(boxes, box)
+    width_m = 2.0 * float(np.median(boxes.half_v_m[box]))
     return SmoothMarking(
-        line, box, paint, rhythm, dashes, 2.0 * float(np.median(boxes.half_v_m[box])),
-        confidence_of(boxes.score[box], line.sigma_xy_m) * chance_of_one_plane(boxes, box), boxes.time_span(box),
+        line, box, paint, rhythm, dashes, width_m, confidence_of(score, line.sigma_xy_m) * one_plane,
+        boxes.time_span(box), why_not_paint(width_m, float(np.mean(score)), one_plane),
     )  # fmt: skip
 
 

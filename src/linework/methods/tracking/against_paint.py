@@ -1,0 +1,143 @@
+"""What speaks against a line of paint: strips that fade where it should have paint, and the step of a kerb's stone.
+
+Separate from `marking_lines`, which makes lines of boxes: this weighs what else they could be.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
+from linework.methods.tracking.smooth import SmoothLine
+from linework.model.boxes import BoxSet
+
+#: Strips this near a line are in its place: boxes are right to about 2 cm, tracks smooth them. [m]
+IN_PLACE_M = 0.06
+#: A strip this near a box of the line along it is of the same search area, which explains both: paint on a strip. [m]
+SAME_AREA_M = 0.25
+#: A strip more than this many times as wide as the lines has room for one beside its middle.
+WIDER = 1.5
+#: Strips run along a line within 15 degrees: cosine.
+ALONG = 0.966
+#: Narrowest line: paint is 0.10 m wide and more (Vienna convention of 1968, protocol on road markings), the head of a
+#: grooved rail 0.056 m. [m]
+NARROWEST_MARKING_M = 0.075
+#: By how much new asphalt may be off a straight line (4 mm under a straightedge of 4 m, EN 13036-7); height of a dropped
+#: kerb, to either side of its stone (DIN 18040-3) [m]; and how rare such stones without a kerb are among bright stripes.
+UNEVEN_M, DROPPED_KERB_M, STONE_SHARE = 0.004, 0.03, 0.1
+#: Standard deviation over the median of the distances from the median, of a normal distribution; boxes of a stretch (8 m),
+#: and fewest stretches that show how uneven the ground is.
+MEDIAN_SPREAD, RISES_OF_STRETCH, LEAST_STRETCHES = 1.4826, 16, 3
+#: Why a line is more likely something else than paint.
+NARROW = "narrower than paint: a rail or a joint"
+OTHER_STRIP = "no paint: it fades at its sides, or lies between two materials"
+ON_STEP = "stone of a dropped kerb: the ground on one side is higher along all of it"
+
+
+def is_other_strip(boxes: BoxSet) -> BoolArray:
+    """Return which stripes are strips that paint may lie on, (n,) bool: more likely no paint, and wider than paint is here.
+
+    What fades at its sides about a narrow line may be the line, worn or far away. How wide lines are is what most of the
+    likely ones are.
+    """
+    is_paint = boxes.score >= LEAST_PIECE_SCORE
+    if not is_paint.any():
+        return is_paint
+    wide: BoolArray = boxes.half_v_m > WIDER * np.median(boxes.half_v_m[is_paint])
+    return wide & ~is_paint
+
+
+class BrightStrips:
+    """Bright strips that are no paint, see `is_other_strip`, found by place.
+
+    Parameters
+    ----------
+    boxes
+        [m, local].
+    """
+
+    def __init__(self, boxes: BoxSet) -> None:
+        self.boxes = boxes
+        self._tree = cKDTree(boxes.centre[:, :2]) if len(boxes) else None
+
+    def scores_where(self, line: SmoothLine, own_xy: FloatArray, expected: FloatArray) -> FloatArray:
+        """Return the scores of the strips that lie in the place of a line where it should have paint and has none, (j,).
+
+        Parameters
+        ----------
+        own_xy
+            (k, 2) centres of the line's own boxes. [m, local]
+        expected
+            (e, 2) stretches along the line that should have paint, ascending. [m]
+        """
+        near: list[int] = []
+        if self._tree is not None:
+            reach = math.hypot(IN_PLACE_M, 0.5 * float(np.diff(line.t_m).max(initial=0.0)))
+            near = sorted(set().union(*self._tree.query_ball_point(line.xyz[:, :2], reach)))
+        if not near:
+            return np.zeros(0)
+        xy, u = self.boxes.centre[near, :2], self.boxes.u[near]
+        _, at = cKDTree(line.xyz[:, :2]).query(xy)
+        step, normal = xy - line.xyz[at, :2], line.normal[at]
+        t = line.t_m[at] + step[:, 0] * normal[:, 1] - step[:, 1] * normal[:, 0]
+        chosen = np.abs(np.sum(step * normal, axis=1)) <= IN_PLACE_M
+        chosen &= np.abs(u[:, 0] * normal[:, 1] - u[:, 1] * normal[:, 0]) >= ALONG
+        chosen &= cKDTree(own_xy).query(xy)[0] > SAME_AREA_M
+        k = np.searchsorted(expected[:, 0], t, side="right") - 1
+        chosen &= (k >= 0) & (t <= expected[np.maximum(k, 0), 1])
+        score: FloatArray = self.boxes.score[near][chosen]
+        return score
+
+
+def why_not_paint(width_m: float, score: float, one_plane: float) -> str:
+    """Return why a line is more likely something else than paint, "" where it is wide enough and its boxes are paint.
+
+    Parameters
+    ----------
+    score
+        Mean chance that its boxes are paint.
+    one_plane
+        `chance_of_one_plane`.
+    """
+    if width_m < NARROWEST_MARKING_M:
+        return NARROW
+    if score < LEAST_PIECE_SCORE:
+        return OTHER_STRIP
+    return "" if score * one_plane >= LEAST_PIECE_SCORE else ON_STEP
+
+
+def chance_of_one_plane(boxes: BoxSet, box: IntArray) -> float:
+    """Return the chance that the road is one plane under a line, 0 to 1, as under paint: not the stone of a kerb.
+
+    The kerb of a driveway or a crossing is too low for a step in any one box; over a line its side is always the same.
+
+    Parameters
+    ----------
+    boxes
+        With `height_m`: by how much the ground on the left lies higher [m]; NaN where that is unknown.
+    box
+        (k,) int64: the boxes of a line, in order.
+    """
+    if len(box) < RISES_OF_STRETCH:
+        return 1.0
+    along = np.gradient(boxes.centre[box, :2], axis=0)
+    rise = boxes.height_m[box] * np.sign(np.sum(along * boxes.u[box], axis=1))
+    rise = rise[np.isfinite(rise)]
+    if len(rise) < RISES_OF_STRETCH:
+        return 1.0
+    median = float(np.median(rise))
+    # The stone of a kerb has its step everywhere: ground that is as uneven from one stretch to the next has none. A line
+    # too short for stretches has boxes that err together
+    stretches = np.array_split(rise, len(rise) // RISES_OF_STRETCH)
+    if len(stretches) >= LEAST_STRETCHES:
+        spread = float(np.std([np.median(part) for part in stretches], ddof=1))
+    else:
+        spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
+    sigma = math.hypot(UNEVEN_M, spread)
+    paint = math.exp(-0.5 * (median / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
+    stone = STONE_SHARE * 0.5 / DROPPED_KERB_M
+    return paint / (paint + stone)

@@ -1,0 +1,81 @@
+"""What speaks against paint: bright strips in the place of a line, with paint on them or without."""
+
+from dataclasses import replace
+
+import numpy as np
+from tests.scenes.box_scenes import boxes_on, everything_seen, straight
+
+from linework.methods.obb.method import OBB_KINDS, Obb
+from linework.methods.protocol import SurveyContext
+from linework.methods.tracking import marking_lines
+from linework.methods.tracking.against_paint import OTHER_STRIP, BrightStrips, is_other_strip
+from linework.methods.tracking.track import TrackConfig, track_lines
+from linework.model.boxes import BoxSet
+from linework.model.lines import CANDIDATE
+
+
+def strip_along(*courses, seed=5):
+    """Boxes 0.4 m wide that are more likely a strip between wheel tracks than paint."""
+    boxes = boxes_on(*courses, seed=seed)
+    return replace(boxes, half_v_m=np.full(len(boxes), 0.2), score=np.full(len(boxes), 0.05))
+
+
+def joined(*sets):
+    return Obb(kinds=(*OBB_KINDS, CANDIDATE)).join(
+        BoxSet.concatenate(sets), SurveyContext(origin=(0.0, 0.0, 0.0))
+    )
+
+
+def test_dashes_on_a_bright_strip_are_a_dashed_line():
+    dashes = boxes_on(*[straight(4.0, x=12.0 * k) for k in range(8)])
+    lines = joined(dashes, strip_along(straight(90.0)))
+    markings = lines["lane_marking"]
+    assert markings.pattern.tolist() == ["dashed"]
+    assert len(lines["lane_marking_dash"]) == 8
+    # Not the strip's own boxes make it sure or unsure
+    assert markings.confidence[0] > 0.95
+
+
+def test_a_bright_strip_with_some_crisp_places_is_no_line():
+    crisp = boxes_on(straight(90.0, y=0.01), keep=0.35, seed=3)
+    lines = joined(crisp, strip_along(straight(90.0)))
+    assert len(lines["lane_marking"]) == 0
+    refused = lines.take((lines.kind == CANDIDATE) & (lines.candidate_kind == "lane_marking"))
+    assert OTHER_STRIP in refused.reason.tolist()
+    # The same places on plain road are a worn line
+    assert len(joined(crisp)["lane_marking"]) == 1
+
+
+def test_only_strips_in_the_place_of_the_line_speak_against_it():
+    solid = boxes_on(straight(40.0))
+    expected = np.array([[0.0, 40.0]])
+    tracks = track_lines(solid, TrackConfig(), width_m=0.06)
+    (line,), _ = marking_lines.marking_lines(solid, tracks, everything_seen)
+
+    def against(*courses, own_xy=solid.centre[:, :2]):
+        strips = strip_along(*courses)
+        return len(BrightStrips(strips).scores_where(line.line, own_xy, expected))
+
+    far = np.array([[-100.0, 0.0]])
+    assert against(straight(10.0, x=10.0), own_xy=far) >= 20
+    assert against(straight(10.0, x=10.0)) == 0, "paint lies on it"
+    assert against(straight(10.0, x=10.0, y=0.3), own_xy=far) == 0, "beside it"
+    assert against(straight(10.0, x=60.0), own_xy=far) == 0, "beyond its end"
+    assert against(straight(10.0, x=20.0, y=-5.0, heading=np.pi / 2.0), own_xy=far) == 0, "across it"
+
+
+def test_a_narrow_box_is_no_strip_however_unlikely():
+    line = boxes_on(straight(20.0))
+    unsure = replace(line, score=np.full(len(line), 0.1))
+    assert not is_other_strip(BoxSet.concatenate([line, unsure])).any()
+    assert is_other_strip(BoxSet.concatenate([line, strip_along(straight(20.0))])).sum() == len(line)
+    assert not is_other_strip(unsure).any() and len(is_other_strip(BoxSet.empty())) == 0
+
+
+def test_dashes_in_a_row_that_are_no_line_are_not_bridged():
+    # Two arrows of a lane, 20 m apart: shorter paint, each by itself
+    boxes = boxes_on(straight(3.0), straight(3.0, x=23.0))
+    tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
+    markings, other = marking_lines.marking_lines(boxes, tracks, everything_seen)
+    assert not markings
+    assert [round(float(np.ptp(m.paint))) for m in other] == [3, 3]
