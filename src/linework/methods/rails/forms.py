@@ -205,8 +205,8 @@ def formed_stretches(
     return found
 
 
-    """Return which nodes (n,) bool are chosen, or no more than so many nodes from one chosen to the next."""
-    """Return which nodes are chosen or in a gap of at most so many nodes between chosen ones, (n,) bool."""
+def _closed(chosen: BoolArray, most: int) -> BoolArray:
+    """Return which nodes (n,) bool are true, or lie between true ones with at most `most` false ones."""
     out = chosen.copy()
     at = np.flatnonzero(chosen)
     for a, b in pairwise(at.tolist()):
