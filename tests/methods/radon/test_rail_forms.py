@@ -131,9 +131,12 @@ def test_a_mesh_is_a_fence_though_a_plinth_hides_its_foot():
 
 
 def test_what_goes_on_above_the_section_has_no_upper_edge():
-    wall, fence = plane(-0.70, 0.80), plane(-0.70, 0.60)
-    assert form_of_section(section([wall]), 0.75).form == ""
-    assert form_of_section(section([fence]), 0.75).form == "mesh"
+    wall, fence = plane(-0.40, DEPTHS_M[1]), plane(-0.40, 1.10)
+    assert form_of_section(section([wall]), 0.45).form == ""
+    assert form_of_section(section([fence]), 0.45).form == "mesh"
+    # Nor has what ends where points are no longer taken, 2.2 m above the ground
+    assert form_of_section(section([plane(-0.30, 1.20)]), 1.0).form == ""
+    assert form_of_section(section([plane(-0.70, 0.70)]), 1.0).form == "mesh"
 
 
 @pytest.mark.parametrize(("size", "kind"), [(0.05, "fence"), (0.10, "guardrail")])

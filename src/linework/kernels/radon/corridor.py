@@ -38,8 +38,9 @@ _SHEET_SHARE = 0.5
 _LEAST_SHEET = 4.0
 #: Share of these points that must remain when those above are subtracted: one in seven is above, in equal areas.
 _EDGE_CLARITY = 0.7
-#: A sheet shows one free edge where a beam shows two: a beam at the same place comes first.
-_ONE_EDGE = 0.5
+#: Score of a sheet over the least of a beam, per point: a sheet shows one free edge where a beam shows two, so that a beam
+#: at the same place comes first.
+_ONE_EDGE = 0.01
 #: Length of the pieces of a box that a beam must fill: two scan lines each at the widest spacing. [m]
 _FILLED_STEP_M = 0.5
 #: Least share of these pieces with a point. Tuned on simulated surveys of seeds 1 to 4; see docs/methods/radon.md.
@@ -306,7 +307,7 @@ def find_beams(
                 if score < (_EDGE_CLARITY if is_sheet else clarity) * inside:
                     continue
                 if is_sheet:
-                    score *= _ONE_EDGE
+                    score = least + _ONE_EDGE * score
                 if score > best[b]:
                     best[b] = score
                     best_turn[b] = turns[t]

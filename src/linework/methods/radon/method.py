@@ -38,7 +38,7 @@ from linework.methods.radon.seeds import (
     strongest_window,
 )
 from linework.methods.rails.chains import chains_from_starts
-from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
+from linework.methods.rails.circles import CircleConfig, bin_near, find_starts, places_of
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
 from linework.methods.rails.rails import fit_rails
@@ -122,8 +122,15 @@ class RailMethod:
         # Back to the points: circles about each seed settle on the beam, and follow it through bends
         bins = bin_near(points.xyz, above_ground, binary)
         starts = find_starts(segments, bins, c.circles)
-        band_m = c.circles.min_height_m, max(c.max_height_m, c.circles.max_sheet_m)
-        chains = chains_from_starts(starts, bins, band_m, c.profile.min_length_m, c.circles)
+        # Sheets that are higher than rails are followed by themselves: what grows over a rail does not lead it away
+        is_high = height_above_ground(surface, places_of(starts, bins)) > c.circles.max_top_m
+        chains = [
+            chain
+            for own, high_m in ((starts[~is_high], c.max_height_m), (starts[is_high], c.circles.max_sheet_m))
+            for chain in chains_from_starts(
+                own, bins, (c.circles.min_height_m, high_m), c.profile.min_length_m, c.circles
+            )
+        ]
         yield "corrected centres", [chain[:, :3] + bins.origin for chain in chains]
         # Local fits of the corrected centres; the height from the highest points
         rails = fit_rails(chains, bins, c.circles, c.profile)

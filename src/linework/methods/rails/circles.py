@@ -169,3 +169,8 @@ def find_starts(segments: SeedSegments, bins: Bins, config: CircleConfig) -> Flo
     ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)
     return np.asarray(kernels.find_beam_starts(*args, ends, turns, shape, bins.work))
+
+
+def places_of(starts: FloatArray, bins: Bins) -> FloatArray:
+    """Return where the tops of starts (n, 5) are, (n, 3). [m, world]."""
+    return np.asarray(starts[:, [kernels.NODE_X, kernels.NODE_Y, kernels.NODE_TOP]] + bins.origin)

@@ -20,7 +20,7 @@ from linework.arrays import FloatArray
 from linework.kernels.radon import outlines
 from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
-from linework.methods.rails.circles import Bins, CircleConfig
+from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
 
 #: Side of the cells of a section: half of the thinnest rope that still returns beams. [m]
 SECTION_CELL_M = 0.01
@@ -28,8 +28,9 @@ SECTION_CELL_M = 0.01
 HALF_SECTION_M = 0.30
 #: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
 _MOST_ACROSS_M = 0.20
-#: Range of a section above and below the followed edge: from a fence's top to its foot, and above a rail. [m]
-DEPTHS_M = (-1.75, 0.80)
+#: Range of a section below and above the followed edge: from a fence's top to its foot, and from its lowest board, 0.4 m
+#: high, to its top. [m]
+DEPTHS_M = (-1.75, 1.35)
 #: Above the ground, below this, is what grows there. [m]
 OVER_GRASS_M = 0.15
 #: Deepest gap inside a band of few points, after densities are averaged over as much: the spacing of the rays on a face a
@@ -213,7 +214,7 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     --------
     A board of 12 cm, and nothing else:
 
-    >>> counts = np.zeros((255, 40))
+    >>> counts = np.zeros((310, 40))
     >>> counts[163:175, 19:21] = 30.0
     >>> section = form_of_section(counts, 0.8)
     >>> [(band.outline, round(band.height_m, 2)) for band in section.bands], section.form
@@ -224,8 +225,8 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     if found.sum() < _LEAST_POINTS:
         return NOTHING
     edges = _bands(found.sum(axis=1), z)
-    if edges[0][1] > DEPTHS_M[1] - _GAP_CELLS * SECTION_CELL_M:
-        # A wall goes on above the section: what ends with it has no upper edge
+    if edges[0][1] > min(DEPTHS_M[1], RAIL_BAND_M[1] - above_ground_m) - _GAP_CELLS * SECTION_CELL_M:
+        # A wall goes on above what is looked at: what ends with that has no upper edge
         return NOTHING
     bands = tuple(_explained(found, z, u, low, high) for low, high in edges)
     edge_m = _edge_of_concrete(found, z, u, bands[0], above_ground_m) if len(bands) == 1 else None
