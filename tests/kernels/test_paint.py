@@ -7,6 +7,15 @@ import pytest
 
 from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
 from linework.kernels.paint.stripe_extent import dash_at, extent
+from linework.kernels.paint.stripe_fit import (
+    FIT_UNKNOWNS,
+    FIT_WIDTH,
+    STRIP_COLUMNS,
+    STRIP_HEIGHT,
+    STRIP_U,
+    STRIP_V,
+)
+from linework.kernels.paint.stripe_height import height_of
 from linework.kernels.paint.stripe_search import (
     BAND_LEFT,
     BAND_RIGHT,
@@ -119,6 +128,20 @@ def test_a_line_lies_on_a_strip_that_stands_out_without_it(rest: float, band: tu
     number, total = 10.0 * np.arange(31.0), np.concatenate([[0.0], np.cumsum(10.0 * profile)])
     found = narrower_band(number, total, 0.01, *edges_of(number, total), (10, 20), 4.0)
     assert found[:2] == band
+
+
+def test_the_rise_of_the_ground_is_unknown_without_points_on_both_sides(rng: np.random.Generator) -> None:
+    fit, strip = np.zeros(FIT_UNKNOWNS), np.zeros((400, STRIP_COLUMNS))
+    fit[FIT_WIDTH] = 0.12
+    strip[:, STRIP_U], strip[:, STRIP_V] = rng.uniform(-0.5, 0.5, 400), rng.uniform(-0.15, 0.15, 400)
+    strip[:, STRIP_HEIGHT] = np.where(strip[:, STRIP_V] > 0.0, 0.02, 0.0)
+
+    def rise_of(points: np.ndarray) -> float:
+        return height_of(points, (-0.5, 0.5), fit, 0.0, 0.09)[-1]
+
+    assert rise_of(strip) == pytest.approx(0.02, abs=0.003)
+    assert np.isnan(rise_of(strip[strip[:, STRIP_V] > -0.06]))
+    assert np.isnan(rise_of(strip[:3]))
 
 
 def test_the_extent_is_the_best_stretch_of_paint() -> None:
