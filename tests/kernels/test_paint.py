@@ -7,7 +7,24 @@ import pytest
 
 from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
 from linework.kernels.paint.stripe_extent import dash_at, extent
-from linework.kernels.paint.stripe_search import direction
+from linework.kernels.paint.stripe_fit import (
+    FIT_UNKNOWNS,
+    FIT_WIDTH,
+    STRIP_COLUMNS,
+    STRIP_HEIGHT,
+    STRIP_U,
+    STRIP_V,
+)
+from linework.kernels.paint.stripe_height import height_of
+from linework.kernels.paint.stripe_search import (
+    BAND_LEFT,
+    BAND_RIGHT,
+    MOST_STRIPES,
+    direction,
+    edges_of,
+    narrower_band,
+    stripes_across,
+)
 from linework.kernels.paint.stripes import clipped
 from linework.kernels.tracking.small_systems import factor, inverse_of_three, solve, solve_two
 
@@ -80,6 +97,51 @@ def test_the_direction_is_that_of_the_stripe(rng: np.random.Generator, angle_deg
     work[:, 3] = np.abs(-work[:, 0] * np.sin(a) + work[:, 1] * np.cos(a)) < 0.08
     found = np.degrees(direction(work, 2000, 0.5))
     assert abs((found - angle_deg + 90.0) % 180.0 - 90.0) < 6.0
+
+
+@pytest.mark.parametrize(
+    ("radius", "strip", "widths"),
+    [
+        (0.5, 0.5, [0.5, 0.12]),  # A line on a strip of half its brightness
+        (0.5, 0.0, [0.12]),  # The same line on plain road
+        (1.0, 0.5, [0.5]),  # Bins of 5 cm, where points are sparse, do not resolve a line on a strip
+    ],
+)
+def test_a_line_on_a_strip_is_found_where_its_edges_are_resolved(
+    rng: np.random.Generator, radius: float, strip: float, widths: list[float]
+) -> None:
+    n = 3000
+    work = np.zeros((n, 5))
+    work[:, 0], work[:, 1] = rng.uniform(-1.4 * radius, 1.4 * radius, (2, n))
+    v = np.abs(work[:, 1])
+    brightness = np.where(v < 0.06, 1.0, np.where(v < 0.25, strip, 0.0))
+    work[:, 3] = brightness + 0.1 * rng.normal(size=n)
+    out = np.zeros((MOST_STRIPES, 3))
+    m = stripes_across(work, n, 0.0, radius, 4.0, out)
+    assert (out[:m, BAND_LEFT] - out[:m, BAND_RIGHT]).tolist() == pytest.approx(widths, abs=0.06)
+
+
+@pytest.mark.parametrize(("rest", "band"), [(0.5, (13, 17)), (0.02, (-1, -1))])
+def test_a_line_lies_on_a_strip_that_stands_out_without_it(rest: float, band: tuple[int, int]) -> None:
+    profile = np.zeros(30)
+    profile[10:20], profile[13:17] = rest, 1.0
+    number, total = 10.0 * np.arange(31.0), np.concatenate([[0.0], np.cumsum(10.0 * profile)])
+    found = narrower_band(number, total, 0.01, *edges_of(number, total), (10, 20), 4.0)
+    assert found[:2] == band
+
+
+def test_the_rise_of_the_ground_is_unknown_without_points_on_both_sides(rng: np.random.Generator) -> None:
+    fit, strip = np.zeros(FIT_UNKNOWNS), np.zeros((400, STRIP_COLUMNS))
+    fit[FIT_WIDTH] = 0.12
+    strip[:, STRIP_U], strip[:, STRIP_V] = rng.uniform(-0.5, 0.5, 400), rng.uniform(-0.15, 0.15, 400)
+    strip[:, STRIP_HEIGHT] = np.where(strip[:, STRIP_V] > 0.0, 0.02, 0.0)
+
+    def rise_of(points: np.ndarray) -> float:
+        return height_of(points, (-0.5, 0.5), fit, 0.0, 0.09)[-1]
+
+    assert rise_of(strip) == pytest.approx(0.02, abs=0.003)
+    assert np.isnan(rise_of(strip[strip[:, STRIP_V] > -0.06]))
+    assert np.isnan(rise_of(strip[:3]))
 
 
 def test_the_extent_is_the_best_stretch_of_paint() -> None:

@@ -3,12 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from tests.scenes.box_scenes import boxes_on, everything_seen, straight
 
 from linework.methods.obb.method import OBB_KINDS, Obb
 from linework.methods.protocol import SurveyContext
 from linework.methods.tracking import marking_lines
-from linework.methods.tracking.against_paint import OTHER_STRIP, BrightStrips, is_other_strip
+from linework.methods.tracking.against_paint import (
+    OTHER_STRIP,
+    BrightStrips,
+    chance_of_one_plane,
+    is_other_strip,
+)
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxSet
 from linework.model.lines import CANDIDATE
@@ -79,3 +85,47 @@ def test_dashes_in_a_row_that_are_no_line_are_not_bridged():
     markings, other = marking_lines.marking_lines(boxes, tracks, everything_seen)
     assert not markings
     assert [round(float(np.ptp(m.paint))) for m in other] == [3, 3]
+
+
+def one_plane(rise_m, *, alternating=False):
+    """Chance of one plane under a straight line whose ground on the left lies higher by `rise_m` (n,), box by box."""
+    rise_m = np.asarray(rise_m, dtype=float)
+    boxes = boxes_on(straight(0.45 * len(rise_m)), noise=0.001, flip=False)
+    sense = np.where(np.arange(len(boxes)) % 2 == 1, -1.0, 1.0) if alternating else np.ones(len(boxes))
+    boxes = replace(boxes, u=boxes.u * sense[:, None], height_m=rise_m[: len(boxes)] * sense)
+    return chance_of_one_plane(boxes, np.arange(len(boxes)))
+
+
+@pytest.mark.parametrize("spread_m", [0.005, 0.02, 0.05, 0.1, 0.25, 0.3])
+@pytest.mark.parametrize("n", [32, 160])
+def test_noise_alone_makes_no_stone_of_paint(spread_m, n):
+    # Boxes of one airborne strip err together over metres
+    stretches = spread_m * np.array([1.0, -1.0, 0.0, 0.6, -0.6])
+    rise = np.resize(stretches, n) if n < 48 else np.repeat(stretches, n // 5)
+    assert one_plane(rise) > 0.85
+
+
+def test_a_stone_keeps_its_step_from_one_stretch_to_the_next():
+    rng = np.random.default_rng(4)
+    assert one_plane(0.02 + 0.002 * rng.normal(size=48)) < 0.1
+    # 60 m, of which every other box faces the other way
+    assert one_plane(-0.02 + 0.002 * rng.normal(size=134), alternating=True) < 0.1
+
+
+def test_uneven_ground_with_the_step_of_a_stone_on_the_mean_is_one_plane():
+    rng = np.random.default_rng(4)
+    uneven = np.repeat([0.0, 0.04, 0.0, 0.04, 0.01, 0.03], 16) + 0.002 * rng.normal(size=96)
+    assert np.mean(uneven) == pytest.approx(0.02, abs=0.001)
+    assert one_plane(uneven) > 0.8
+
+
+def test_a_step_that_neither_explains_is_no_plane():
+    for step_m in (0.05, 0.1, 0.4):
+        assert one_plane(np.full(64, step_m)) < 0.01
+
+
+def test_boxes_with_an_unknown_step_say_nothing():
+    rise = np.where(np.arange(64) % 4 == 0, 0.02, np.nan)
+    assert one_plane(np.full(64, np.nan)) == 1.0
+    assert one_plane(np.where(np.isnan(rise), np.nan, 0.0)) > 0.9
+    assert one_plane(rise) < 0.1

@@ -53,7 +53,8 @@ def height_of(
     """Return the height of a stripe's centre and its sigma; that of a kerb under it and its sigma; and its rise [m].
 
     The rise is by how much the ground on its left lies higher than that on its right, both planes carried to its
-    middle. Points within `side` [m] of the stripe count. Paint lies in one plane with the road on both its sides.
+    middle; NaN with too few points, or none on one side. Points within `side` [m] of the stripe count. Paint lies in
+    one plane with the road on both its sides.
     `strip` (n, 4), `stretch`, `fit` (6,) as for `linework.kernels.paint.stripe_fit.edge_variance`; `at`: position along
     the stripe [m].
     """
@@ -71,7 +72,7 @@ def height_of(
             height[number] = strip[i, STRIP_HEIGHT] - strip[0, STRIP_HEIGHT]
             number += 1
     if number < FEWEST_FITTED:
-        return strip[0, STRIP_HEIGHT], UNKNOWN_HEIGHT_M, 0.0, UNKNOWN_STEP_M, 0.0
+        return strip[0, STRIP_HEIGHT], UNKNOWN_HEIGHT_M, 0.0, UNKNOWN_STEP_M, math.nan
     # The plane through all points
     for i in range(number):
         row[PLANE_ALONG], row[PLANE_ACROSS], row[PLANE_STEP] = along[i], across[i], 0.0
@@ -107,8 +108,9 @@ def height_of(
             _add(row, height[i], normal, right)
     _solve(normal, right, solution)
     kerb, noise = kerb_from_bend(zones)
-    rise = solution[PLANE_STEP]
-    step = abs(rise)
+    step = abs(solution[PLANE_STEP])
+    is_known = zones[ZONE_RIGHT, ZONE_N] > 0.0 and zones[ZONE_LEFT, ZONE_N] > 0.0
+    rise = solution[PLANE_STEP] if is_known else math.nan
     right[:] = 0.0
     right[PLANE_STEP] = noise * noise
     solve(normal, right, solution)

@@ -44,6 +44,8 @@ N_EDGE = 2
 MOST_STRIPES = 4
 #: Fewest points inside and on each side of a stripe, and fewest degrees of freedom of the profile's noise.
 BAND_POINTS, LEAST_FREE = 3.0, 8.0
+#: Narrowest line of paint (Vienna convention of 1968, protocol on road markings). [m]
+NARROWEST_LINE_M = 0.10
 #: Smallest variance of brightness, so that noiseless points do not divide by zero. [(paint - road)^2]
 LEAST_VARIANCE = 1e-6
 
@@ -246,8 +248,10 @@ def stripes_across(
         )
         m += 1
         taken[max(first - 1, 0) : min(last + 1, N_ACROSS)] = 1
+    # Both edges of a line within a band need bins of their own: where points are sparse these are too wide
+    bins = int(NARROWEST_LINE_M / size + 0.5)
     for j in range(m):
-        if m == MOST_STRIPES:
+        if m == MOST_STRIPES or bins < 2 * N_EDGE:
             break
         outer = (
             int((out[j, BAND_RIGHT] + reach) / size + 0.5),
@@ -277,7 +281,8 @@ def narrower_band(
     """Return the band that stands out most inside a wider one, its first and last border and t-value; -1 without one.
 
     Paint on a strip that is brighter than the road (dry, dusty, between wheel tracks): the strip stands out more from
-    the road than the paint from the strip.
+    the road than the paint from the strip. It does so without the paint, too, by the same t-value: else it is the paint
+    with noise at its edges.
 
     Parameters
     ----------
@@ -294,6 +299,14 @@ def narrower_band(
     """
     low, high = outer
     best, first, last = least_t, -1, -1
+    below, above = max(low - N_SIDE, 0), min(high + N_SIDE, len(number) - 1)
+    n_road_right, n_road_left = number[low] - number[below], number[above] - number[high]
+    if n_road_right < BAND_POINTS or n_road_left < BAND_POINTS:
+        return first, last, best
+    road_right, road_left = (
+        (total[low] - total[below]) / n_road_right,
+        (total[above] - total[high]) / n_road_left,
+    )
     for a in rises:
         n_right = number[a] - number[max(a - N_SIDE, low)]
         if a <= low or a >= high or n_right < BAND_POINTS:
@@ -310,7 +323,13 @@ def narrower_band(
                 (mean - right) / math.sqrt(variance * (1.0 / n_in + 1.0 / n_right)),
                 (mean - left) / math.sqrt(variance * (1.0 / n_in + 1.0 / n_left)),
             )
-            if t > best:
+            n_rest = number[high] - number[low] - n_in
+            rest = (total[high] - total[low] - total[b] + total[a]) / n_rest
+            off = min(
+                (rest - road_right) / math.sqrt(variance * (1.0 / n_rest + 1.0 / n_road_right)),
+                (rest - road_left) / math.sqrt(variance * (1.0 / n_rest + 1.0 / n_road_left)),
+            )
+            if t > best and off > least_t:
                 best, first, last = t, a, b
     return first, last, best
 

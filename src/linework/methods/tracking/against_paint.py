@@ -6,6 +6,7 @@ Separate from `marking_lines`, which makes lines of boxes: this weighs what else
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -139,5 +140,8 @@ def chance_of_one_plane(boxes: BoxSet, box: IntArray) -> float:
         spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
     sigma = math.hypot(UNEVEN_M, spread)
     paint = math.exp(-0.5 * (median / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
-    stone = STONE_SHARE * 0.5 / DROPPED_KERB_M
-    return paint / (paint + stone)
+    # A stone has any height up to that of a dropped kerb, and is seen with the same error as paint
+    near, far = ((abs(median) + d) / (math.sqrt(2.0) * sigma) for d in (-DROPPED_KERB_M, DROPPED_KERB_M))
+    stone = STONE_SHARE * 0.25 / DROPPED_KERB_M * (math.erfc(near) - math.erfc(far))
+    # Where neither explains a step (higher, and the same everywhere) there is no one plane
+    return paint / (paint + stone + sys.float_info.min)
