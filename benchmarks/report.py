@@ -54,7 +54,7 @@ def main(arguments=()):
             measure(simulate_survey(road, seed, options.length_m), errors)
     rows = []
     for (topic, quantity), found in sorted(errors.items()):
-        error, sigma = np.array(found, dtype=np.float64).T
+        error, sigma = np.array(found, dtype=np.float64).reshape(-1, 2).T
         known = np.isfinite(error)
         both = known & np.isfinite(sigma) & (sigma > 0.0)
         if known.any():

@@ -133,6 +133,36 @@ def test_the_carriageway_is_unknown_where_paint_may_be_its_end(y, widths):
     assert len(found) == 11
 
 
+@pytest.mark.parametrize(
+    ("offsets", "width"),
+    [
+        # Stones outside the edge line on the left, and on the right
+        ((-3.0, 0.0, 2.8, 3.5), None),
+        ((-3.0, -2.3, 0.0, 3.5), None),
+        # On the footway, behind the boundary: the paint up to it is what counts
+        ((-5.0, -4.2, -3.0, 0.0, 3.5), 7.5),
+        ((-3.0, 0.0, 3.5, 4.7, 5.5), 7.5),
+        # A wide double line in the middle: beside nothing else, and about the axis with one edge line
+        ((0.5, 1.3), 7.5),
+        ((-0.4, 0.4), 7.5),
+        ((-3.0, -0.4, 0.4), 7.5),
+        # An edge line and stones, and nothing else was found
+        ((2.0, 2.8), None),
+        # The axis along the edge line
+        ((-0.8, 0.01, 3.0), None),
+    ],
+)
+def test_lines_in_the_middle_or_behind_the_boundary_are_no_ends_of_the_carriageway(offsets, width):
+    paint = [(f"paint {y}", "lane_marking", y, 0.0, "solid", (0, 100)) for y in offsets]
+    ends = [
+        ("right", "road_boundary", -3.5, 0.0, "", (0, 100)),
+        ("left", "road_boundary", 4.0, 0.0, "", (0, 100)),
+    ]
+    lines, axis = straight([*ends, *paint])
+    found = rows_of(chainage_report(lines, [axis], standard="us"), "carriageway_width")
+    assert {row.value if row.value is None else round(row.value, 6) for row in found} == {width}
+
+
 def test_a_rail_has_no_offset_from_the_line_of_a_lane():
     lines, axis = straight(ROAD)
     for role, value in (("edge", 1.0), ("", 1.0), ("lane", None), ("centre", None)):

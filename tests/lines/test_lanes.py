@@ -93,6 +93,13 @@ def test_a_lane_to_the_verge_is_less_sure_where_an_edge_line_may_not_have_been_f
 def test_a_short_edge_of_the_pavement_is_not_enough_where_an_edge_line_may_be_missing():
     verge = ("verge", "road_boundary", lambda x: np.where(x < 15, -3.0, np.nan), "", "")
     assert pairs(find_lanes(road(EDGE, CENTRE, verge))) == pairs(find_lanes(road(EDGE, CENTRE)))
+    # So does a long one of which as little was measured
+    whole = ("verge", "road_boundary", -3.0, "", "")
+    bridged = np.concatenate([np.zeros(202, dtype=bool), X > 15])
+    assert pairs(find_lanes(road(EDGE, CENTRE, whole, bridged=bridged))) == pairs(
+        find_lanes(road(EDGE, CENTRE))
+    )
+    assert len(find_lanes(road(EDGE, CENTRE, whole))) == 2
 
 
 def test_short_paint_bounds_a_lane_where_it_goes_on():
@@ -199,7 +206,15 @@ def test_pieces_far_apart_do_not_continue_each_other():
     assert len(find_lanes(road(EDGE, first, near))) == 2
 
 
-@pytest.mark.parametrize(("y", "n"), [(-2.0, 0), (-0.5, 2)])
+def test_a_long_piece_goes_on_in_a_short_one():
+    """Over a gap no longer than both together: 22 m and 12 m with 28 m between, but not with 48 m."""
+    long = ("long", "lane_marking", lambda x: np.where(x <= 22, 0.0, np.nan), "centre", "solid")
+    for begin_m, n in ((50, 2), (70, 1)):
+        along = lambda x, at=begin_m: np.where((x >= at) & (x <= at + 12), 0.0, np.nan)  # noqa: E731
+        assert len(find_lanes(road(EDGE, long, ("short", "lane_marking", along, "centre", "solid")))) == n
+
+
+@pytest.mark.parametrize(("y", "n"), [(-2.0, 0), (-1.5, 0), (-0.5, 2)])
 def test_pieces_of_paint_within_a_lane_do_not_make_a_bound(y, n):
     """Patches one behind the other, as far from the edge line as a cycle lane is wide; and what is a lane from it."""
     pieces = [
@@ -218,6 +233,22 @@ def test_patches_that_were_joined_to_one_line_count_one_by_one_too(y, n):
     bridged[1] = X % 13 > 8
     found = pairs(find_lanes(road(EDGE, patches, FAR, bridged=bridged.ravel()), widths_m=(2.2, 6.5)))
     assert sum("patches" in pair for pair in found) == 2 * n
+
+
+@pytest.mark.parametrize("sides", [(1.0,), (-1.0,), (1.0, -1.0)])
+def test_lines_on_both_sides_are_beside_a_line_along_no_more_of_it_than_one(sides):
+    """A worn lane line with others 1.5 m beside it along a third of it, on one side or on both: most of it is alone."""
+    inner = ("inner", "lane_marking", lambda x: np.where(x >= 40, 0.0, np.nan), "lane", "solid")
+    # They run away from it where the third ends
+    beside = [
+        (f"beside {side:+.0f}", "lane_marking", lambda x, side=side: side * (1.5 + np.clip((x - 55) * 0.1, 0, 2)), "lane", "solid")
+        for side in sides
+    ]  # fmt: skip
+    bridged = np.tile(False, (1 + len(sides), 101)).tolist()
+    bridged[0] = (X[40:] % 18 > 15).tolist()
+    lines = road(inner, *beside, bridged=[flag for row in bridged for flag in row])
+    found = pairs(find_lanes(lines))
+    assert any("inner" in pair for pair in found)
 
 
 @pytest.mark.parametrize(("role", "n"), [("", 0), ("lane", 1)])

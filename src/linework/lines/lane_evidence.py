@@ -20,8 +20,8 @@ from linework.model.lines import LineSet
 #: Widths of the spaces between bounds that belong to a road: below are gutters and double lines, above are squares. [m]
 LANE_LIMITS_M = (2.2, 6.0)
 #: Shorter paint along a road, as measured, is as often a bay, a bus stop, letters or an arrow as the bound of a lane. Paint
-#: that continues counts as a whole: over a gap that hides it, no longer than the paint on both its sides, and at the same
-#: distance from the road to within two widths of a line. [m]
+#: that continues counts as a whole: over a gap that hides it, no longer than the paint on both its sides together, and at
+#: the same distance from the road to within two widths of a line. [m]
 _SHORTEST_BOUND_M = 20.0
 _CONTINUES_M, _SAME_OFFSET_M = 50.0, 0.3
 #: The lines of a double line are nearer than this. [m]
@@ -77,6 +77,7 @@ class BoundEvidence:
         #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
         self.strays: set[int] = set()
         self._side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
+        #: Paint beside longer paint, nearer than a lane is wide: its pieces count one by one.
         self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
         self._beside_edge: set[int] = set()
@@ -91,6 +92,9 @@ class BoundEvidence:
         self._add_paint_that_continues(rows)
         self._add_sides(rows)
         for here in rows:
+            # Once a station, however many lines are beside it
+            shorter_here: set[int] = set()
+            near_here: set[int] = set()
             for i, j in combinations(range(len(here)), 2):
                 a, b = here[i], here[j]
                 apart = b.offset_m - a.offset_m
@@ -107,8 +111,9 @@ class BoundEvidence:
                     and STRAY_PAINT_M[0] < apart < LANE_LIMITS_M[0]
                 ):
                     shorter = min((a.line, b.line), key=lambda i: self._size[i])
-                    in_strip[shorter] += 1
-                    beside[shorter] += apart < STRAY_PAINT_M[1]
+                    shorter_here.add(shorter)
+                    if apart < STRAY_PAINT_M[1]:
+                        near_here.add(shorter)
                 if (
                     self._is_paint[a.line]
                     and self._is_paint[b.line]
@@ -122,6 +127,8 @@ class BoundEvidence:
                     self._inside[a.line, b.line] |= {
                         c.line for c in here[i + 1 : j] if self._is_paint[c.line]
                     }
+            in_strip.update(shorter_here)
+            beside.update(near_here)
         # For most of its length: where roads part, lines run together for a short while
         self._in_strip |= {line for line, n in in_strip.items() if self._is_most_of(line, n)}
         self.strays |= {
@@ -182,7 +189,10 @@ class BoundEvidence:
                 self._with_strip |= {pair for pair, listed in pairs.items() if np.median(listed) > most_m}
 
     def _is_short(self, line: int) -> bool:
-        """Return whether too little of a line, with the paint that continues it, was measured to bound a lane."""
+        """Return whether too little of a line, with the paint that continues it, was measured to bound a lane.
+
+        Of a boundary too: where it is bridged, nothing says where the lane ends.
+        """
         if line in self._in_strip:
             return float(self._longest_m[line]) < _SHORTEST_BOUND_M
         whole = (line, *self._continued_by[line])

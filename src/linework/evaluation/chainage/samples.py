@@ -15,15 +15,15 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along
 from linework.lines.crosscuts import STATION_M, Axis, CrossCuts
-from linework.lines.lane_evidence import STRAY_PAINT_M
+from linework.lines.lane_evidence import LANE_LIMITS_M, STRAY_PAINT_M
 from linework.model.lines import LineSet
 
 #: Lines that turn more than this from the axis do not run along the road (stop lines, crossing roads). [cosine of 25 deg]
 _ALONG_COSINE = 0.9
-#: Widths of a lane: below are gutters, double lines and cycle tracks, above are squares and bays. [m]
-LANE_WIDTHS_M = (2.2, 6.0)
 #: A kerb's top edge belongs to the foot this near: a splayed face is 0.25 m wide. [m]
 _FACE_M = 0.5
+#: An axis along a line of paint is this near to it at most: it does not run between two lines. [m]
+_SAME_LINE_M = 0.1
 #: A rail belongs to the road whose edge is this near. [m]
 _RAIL_REACH_M = 6.0
 #: Edge lines that end go on where they are seen again this near: worn for longer, they are gone. [m]
@@ -131,7 +131,7 @@ def lanes_at(bounds: list[Crossing]) -> list[tuple[Crossing, Crossing]]:
     return [
         (a, b)
         for a, b in pairwise(bounds)
-        if LANE_WIDTHS_M[0] <= b.offset_m - a.offset_m <= LANE_WIDTHS_M[1]
+        if LANE_LIMITS_M[0] <= b.offset_m - a.offset_m <= LANE_LIMITS_M[1]
         and "lane_marking" in (a.kind, b.kind)
     ]
 
@@ -147,18 +147,22 @@ def _carriageway(s: float, bounds: list[Crossing]) -> Iterator[Sample]:
         paint = [
             c.offset_m for c in bounds if c.kind == "lane_marking" and a.offset_m < c.offset_m < b.offset_m
         ]
-        yield width._replace(value=None) if _may_end_at(paint) else width
+        yield width._replace(value=None) if _may_end_at(paint, a.offset_m, b.offset_m) else width
 
 
-def _may_end_at(paint: list[float]) -> bool:
+def _may_end_at(paint_m: list[float], right_m: float, left_m: float) -> bool:
     """Return whether the outermost line of paint on either side may be the end of the carriageway, by offsets [m].
 
     Pale stones of a flush kerb look like paint. Beside the edge line they are too far for a double line and too near for
-    a cycle lane, and the boundary behind them is that of the footway.
+    a cycle lane, and the boundary behind them is that of the footway. Two lines on both sides of the axis, or with a lane
+    up to the boundary on either side and no other paint, are those of the middle.
     """
-    return len(paint) > 1 and any(
-        STRAY_PAINT_M[0] < abs(outer - inner) < STRAY_PAINT_M[1]
-        for outer, inner in (paint[:2], paint[:-3:-1])
+    if len(paint_m) == 2 and min(paint_m[0] - right_m, left_m - paint_m[1]) >= LANE_LIMITS_M[0]:
+        return False
+    return any(
+        STRAY_PAINT_M[0] < second - first < STRAY_PAINT_M[1]
+        and not first < -_SAME_LINE_M < _SAME_LINE_M < second
+        for first, second in (*pairwise(paint_m[:2]), *pairwise(paint_m[-2:]))
     )
 
 
@@ -197,10 +201,10 @@ def may_lack_edge_line(
     side = 1.0 if end is left else -1.0
     beyond = side * (paint_near_m - paint.offset_m)
     width = side * (end.offset_m - paint.offset_m)
-    if np.any((beyond >= LANE_WIDTHS_M[0]) & (beyond < width)):
+    if np.any((beyond >= LANE_LIMITS_M[0]) & (beyond < width)):
         return True
     others = (-side * (c.offset_m - paint.offset_m) for c in bounds if c.kind == "lane_marking")
-    return end.form != "kerb" and any(LANE_WIDTHS_M[0] <= other <= LANE_WIDTHS_M[1] for other in others)
+    return end.form != "kerb" and any(LANE_LIMITS_M[0] <= other <= LANE_LIMITS_M[1] for other in others)
 
 
 def _lane(s: float, right: Crossing, left: Crossing, is_unsure: bool) -> Iterator[Sample]:

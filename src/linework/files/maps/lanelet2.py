@@ -32,6 +32,8 @@ from linework.model.lines import LineSet
 
 #: 1e-11 degrees are about a micrometre.
 _DECIMALS = 11
+#: Heights beyond are none of a road. [m]
+_MAX_HEIGHT_M = 1e5
 #: Ids are positive numbers of 62 bits made of kind and place: the same line has the same id in every run.
 _ID_BITS = 62
 
@@ -164,6 +166,8 @@ def _ids(texts: Sequence[tuple[str, ...]], taken: set[int] | None = None) -> lis
     return [own[text] for text in texts]
 
 
+#: Numbers of lines are shorter.
+_LINE_DIGITS = 19
 #: What texts of 11 decimals, and heights of 4, may differ from the coordinates. [m]
 _ROUNDING_M = 1e-3
 
@@ -235,11 +239,7 @@ def read_lanelet2(
         raise InputError(
             "nodes far outside the area of the CRS", where=path, advice=f"check {argument('crs')}"
         )
-    ways = sorted(
-        found.ways, key=lambda way: int(way[2].get("line", "0")) if way[2].get("line", "0").isdecimal() else 0
-    )
-    if found.crs is None:
-        ways = found.ways
+    ways = found.ways if found.crs is None else sorted(found.ways, key=lambda way: _number_of_line(way[2]))
     shapes = np.array([*(shapely.linestrings(xyz[nodes]) for _, nodes, _ in ways), None], dtype=object)[:-1]
     rows = [kind_of_tags(tags) for _, _, tags in ways]
     table: dict[str, Any] = text_table(rows)
@@ -253,20 +253,27 @@ def _read_map(path: Path, left_out: list[str]) -> _Map:
     for info in children(root, "MetaInfo"):
         stated, heights = info.get("crs"), info.get("heights", "crs")
     index: dict[str, int] = {}
+    unknown: set[str] = set()
     rows: list[tuple[float, float, float]] = []
     for node in children(root, "node"):
         place = _place(node)
         if place is not None:
             index[node.get("id", "")] = len(rows)
             rows.append(place)
+        else:
+            unknown.add(node.get("id", ""))
     ways = []
     for way in children(root, "way"):
         name = f"way {(way.get('id') or '')[:20]}"
         refs = [ref.get("ref", "") for ref in children(way, "nd")]
         missing = [ref for ref in refs if ref not in index]
         if missing:
-            left_out.append(f"{name}: node {missing[0][:20]} is not in the file")
-        elif len(refs) > 1:
+            is_there = missing[0] in unknown
+            problem = "has no place (lat, lon, ele)" if is_there else "is not in the file"
+            left_out.append(f"{name}: node {missing[0][:20]} {problem}")
+        elif len({rows[index[ref]] for ref in refs}) < 2:
+            left_out.append(f"{name}: less than two places")
+        else:
             ways.append((name, np.array([index[ref] for ref in refs]), _tags(way)))
     crs = None if stated is None else parse_crs(stated, where=path)
     return _Map(
@@ -277,13 +284,18 @@ def _read_map(path: Path, left_out: list[str]) -> _Map:
     )
 
 
+def _number_of_line(tags: Mapping[str, str]) -> int:
+    text = tags.get("line", "")
+    return int(text) if text.isdecimal() and len(text) < _LINE_DIGITS else 0
+
+
 def _place(node: Element) -> tuple[float, float, float] | None:
     """Return latitude, longitude, height; None where they are no numbers. A node without a height is at 0."""
     try:
         place = (float(node.get("lat", "")), float(node.get("lon", "")), float(_tags(node).get("ele", "0")))
     except ValueError:
         return None
-    is_there = abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0 and np.isfinite(place[2])
+    is_there = abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0 and abs(place[2]) <= _MAX_HEIGHT_M
     return place if is_there else None
 
 

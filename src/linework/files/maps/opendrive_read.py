@@ -25,6 +25,12 @@ from linework.model.lines import LineSet
 _STEP_M = 1.0
 #: So far before the next section the last places of a section are taken: the cross-section may change there. [m]
 SECTION_END_M = 1e-4
+#: Roads and coordinates beyond are damaged: the circumference of the Earth is 4e7 m. [m]
+_MAX_M = 1e8
+#: A road has its places in memory, one a metre. [m]
+_MAX_ROAD_M = 1e6
+#: Places nearer than a millimetre are one. [m]
+_SAME_PLACE_M = 1e-3
 _OWN = "linework:"
 _KINDS = {"curb": "road_boundary", "edge": "road_boundary"}
 _PATTERNS = {"solid": "solid", "broken": "dashed"}
@@ -118,9 +124,17 @@ def read_opendrive(
     for road in children(root, "road"):
         name = f"road {(road.get('id') or '')[:20]}"
         try:
-            for row, xyz in _lines_of_road(road):
-                if len(xyz) > 1 and np.isfinite(xyz).all():
-                    shapes.append(shapely.linestrings(xyz + shift))
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = _lines_of_road(road)
+            for row, xyz in found:
+                places = xyz + shift
+                # Also where they are not numbers
+                if not (np.abs(places) <= _MAX_M).all():
+                    left_out.append(f"{name}: places that are no numbers, or beyond {_MAX_M:.0e} m")
+                elif len(places) < 2 or not np.ptp(places, axis=0).any():
+                    left_out.append(f"{name}: a line without length")
+                else:
+                    shapes.append(shapely.linestrings(places))
                     rows.append({"road": name, **row})
         except (ValueError, KeyError, IndexError) as error:
             left_out.append(f"{name}: {str(error)[:80]}")
@@ -175,14 +189,21 @@ def _lines_of_road(element: Element) -> list[tuple[dict[str, str], FloatArray]]:
             pieces.append((_number(e, "t"), np.array([_number(e, name) for name in "abcd"])))
             pieces.sort(key=lambda piece: piece[0])
     road = _Road(
-        road_plan(children(children(element, "planView")[0], "geometry")),
+        road_plan([e for plan in children(element, "planView") for e in children(plan, "geometry")]),
         _cubic([e for outer in children(element, "elevationProfile") for e in children(outer, "elevation")], "s"),
         _cubic([e for e in lateral if e.tag.endswith("superelevation")], "s"), shape,
     )  # fmt: skip
+    length_m = _number(element, "length")
+    if not 0.0 < length_m <= _MAX_ROAD_M:
+        raise ValueError(f"a length of {length_m:g} m")
+    if not children(element, "lanes"):
+        raise ValueError("no lanes")
     lanes = children(element, "lanes")[0]
     offset = _cubic(children(lanes, "laneOffset"), "s")
     sections = children(lanes, "laneSection")
-    starts = [_number(s, "s") for s in sections] + [_number(element, "length")]
+    starts = [_number(s, "s") for s in sections] + [length_m]
+    if np.min(np.diff(starts), initial=0.0) < -_SAME_PLACE_M or starts[0] < -_SAME_PLACE_M:
+        raise ValueError("sections of lanes that do not follow each other within its length")
     found: list[tuple[dict[str, str], FloatArray]] = []
     open_lines: dict[str, int] = {}
     for section, begin, end in zip(sections, starts[:-1], starts[1:], strict=True):
@@ -211,8 +232,7 @@ def _borders(
     starts = {begin, end, *offset.starts[(offset.starts > begin) & (offset.starts < end)].tolist()}
     starts |= {float(s) for s in road.shape if begin < s < end}
     at = np.array(sorted(starts | set(np.arange(begin, end, _STEP_M).tolist())))
-    # Places nearer than a millimetre are one
-    at = at[np.concatenate([[True], np.diff(at) > 1e-3])]
+    at = at[np.concatenate([[True], np.diff(at) > _SAME_PLACE_M])]
     border = {0: offset.at(at)}
     for sign in (1, -1):
         for number in range(sign, sign * (len(lanes) + 1), sign):

@@ -20,6 +20,7 @@ from linework.files.vectors.fields import (
     TABLES,
     field_values,
     fields_of_kind,
+    layer_name,
     layer_names,
     ordered_layers,
     qgis_style,
@@ -57,7 +58,7 @@ def write_gpkg(
     layers, shapes, values = layer_names(lines), feature_shapes(lines), field_values(lines)
     points_of_poles = is_point(lines)
     # A set without lines keeps its CRS in an empty layer
-    names = ordered_layers([*layers.tolist(), *kinds]) or ["line"]
+    names = ordered_layers([*layers.tolist(), *map(layer_name, kinds)]) or ["line"]
     tables = []
     for layer in names:
         chosen = np.flatnonzero(layers == layer)
