@@ -225,6 +225,28 @@ def test_worn_dashes_do_not_shorten_the_rhythm():
     assert len([r for r in rows_of(report, "dash_length") if r.value is not None]) == 9
 
 
+RHYTHM = [(9.0 * k, 9.0 * k + 3.0) for k in range(10)]
+
+
+@pytest.mark.parametrize(
+    "stray",
+    [
+        (27.0, 30.0),  # one dash twice
+        (27.03, 30.03),  # the same, 3 cm apart
+        (31.5, 34.5),  # one in a space
+    ],
+)
+def test_a_stray_dash_makes_no_shorter_rhythm(stray):
+    lines, axis = dashed_road(sorted([*RHYTHM, stray]))
+    report = chainage_report(lines, [axis], every_m=100.0)
+    for row in rows_of(report, "gap_length"):
+        assert row.value is None or row.value > 4.0
+    # Before, thousands were missing in a space of -3 m
+    assert all(
+        row.value is None or row.value <= len(RHYTHM) for row in rows_of(report, "missing_dashes", "sum")
+    )
+
+
 @pytest.mark.parametrize("form", ["edge", "kerb"])
 def test_a_lane_has_no_width_where_its_edge_line_may_be_missing(form):
     road = [*ROAD[:4], ("outer", "lane_marking", -2.9, 0.0, "solid", (0, 40))]

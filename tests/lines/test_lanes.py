@@ -298,6 +298,19 @@ def test_lanes_lie_between_the_newer_lines_not_the_older_beside_them(worn, bound
     assert lanes.width_m.max() == pytest.approx(3.5 if worn >= 0.1 else 3.4, abs=1e-6)
 
 
+@pytest.mark.parametrize("hidden_m", [15, 34])
+def test_what_a_car_hides_of_a_double_line_makes_no_stripe_older(hidden_m):
+    left = ("left", "lane_marking", 0.15, "centre", "solid")
+    right = ("right", "lane_marking", -0.15, "centre", "solid")
+    lines = road(EDGE, left, right, FAR)
+    x = lines.xyz[:, 0]
+    hidden = (x >= 30) & (x < 30 + hidden_m) & (lines.id[lines.line_of_vertex] == "left")
+    double = np.array([False, True, True, False])
+    lanes = find_lanes(lines.with_columns(bridged=hidden, double=double))
+    # Each stripe bounds the lane on its own side only
+    assert {frozenset(p) for p in pairs(lanes)} == {frozenset({"left", "edge"}), frozenset({"right", "far"})}
+
+
 def test_a_wedge_is_no_lane():
     """Behind the end of a lane its two lines run together over 60 m: the lane ends where that begins."""
     closing = (

@@ -41,7 +41,7 @@ segments = split_into_segments(find_seed_lines(binary, config.seeds), binary, co
 # -------
 #
 # Around each segment the points themselves are searched for a beam in end view: points over the height of a beam, none
-# above, none below. What passes is a start; from there circles of 8 cm are moved along, half a metre at a time.
+# above, none below; or for the upper edge of a fence. What passes is a start; from there circles of 8 cm are moved along, half a metre at a time.
 
 bins = bin_near(points.xyz, above_ground, binary)
 starts = find_starts(segments, bins, config.circles)

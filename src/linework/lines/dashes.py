@@ -27,6 +27,10 @@ _N_ROUNDS = 30
 _LEAST_WHOLE = 3
 #: Dashes less than this many times the least distance apart are next to each other.
 _SINGLE = 1.5
+#: Share of the steps between whole dashes that are one period: below it, the shortest step is a stray dash in a space.
+_LEAST_SUCCESSIVE = 0.3
+#: Dashes lie within this share of a period of their places: places at random are 0.29 periods off.
+_LEAST_REGULAR = 0.1
 #: Worn dashes were restored from as many whole ones about them, so that more are not independent: `methods.tracking.pattern`.
 _N_NEAR = 4
 #: Paint looks bright as far as the spot of a beam touches it: ends are up to half a spot of some 2 cm beyond it. [m]
@@ -129,13 +133,19 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
         return None
     length, middle = whole[:, 1] - whole[:, 0], whole.mean(axis=1)
     step = np.diff(middle)
+    if step.min() <= length.mean():
+        # Dashes on each other: two surveys of one marking, or a patch
+        return None
     single = float(np.median(step[step <= _SINGLE * step.min()]))
-    number = np.concatenate([[0.0], np.cumsum(np.rint(step / single))])
+    periods = np.rint(step / single)
+    if np.mean(periods == 1.0) < _LEAST_SUCCESSIVE:
+        return None
+    number = np.concatenate([[0.0], np.cumsum(periods)])
     number -= number.mean()
     spread = float(number @ number)
     period = float(number @ middle) / spread
     off = middle - middle.mean() - period * number
-    if math.sqrt(float(off @ off) / n) > ALIKE_DASHES_M:
+    if math.sqrt(float(off @ off) / n) > min(ALIKE_DASHES_M, _LEAST_REGULAR * period):
         return None
     n_own = min(n, _N_NEAR)
     dash_sigma = math.hypot(float(length.std(ddof=1)) / math.sqrt(n_own), _SPOT_M / math.sqrt(3.0))

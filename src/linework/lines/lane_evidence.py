@@ -36,6 +36,8 @@ _TWO_STRIPES_M = (0.15, 0.5)
 #: Wear comes in patches of this length, so that as many places of a line are worn independently [m]; a line that is worn
 #: more than the one beside it by this many standard deviations is older.
 _PATCH_M, _OLDER_SIGMAS = 2.5, 3.0
+#: Fewest bare places of a worn stripe: what one car hides, or a hole in the data, is one or two.
+_LEAST_BARE = 3
 #: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
 #: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
 _STRIP_M = 1.5
@@ -76,7 +78,6 @@ class BoundEvidence:
         self._size = _sizes(lines, self._measured_m)
         #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
         self.strays: set[int] = set()
-        self._side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
         #: Paint beside longer paint, nearer than a lane is wide: its pieces count one by one.
         self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
@@ -89,6 +90,7 @@ class BoundEvidence:
         """Take in what crosses the perpendiculars of a road."""
         beside: Counter[int] = Counter()
         in_strip: Counter[int] = Counter()
+        side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
         self._add_paint_that_continues(rows)
         self._add_sides(rows)
         for here in rows:
@@ -120,7 +122,7 @@ class BoundEvidence:
                     and _TWO_STRIPES_M[0] <= apart <= _TWO_STRIPES_M[1]
                 ):
                     first, second = sorted((a, b))
-                    self._side_by_side[first.line, second.line].append((first.bridged, second.bridged))
+                    side_by_side[first.line, second.line].append((first.bridged, second.bridged))
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed:
@@ -135,19 +137,29 @@ class BoundEvidence:
             line for line, n in beside.items() if self._is_unknown[line] and self._is_most_of(line, n)
         }
 
-        self.strays |= self._older_paint()
+        self.strays |= self._older_paint(side_by_side)
 
-    def _older_paint(self) -> set[int]:
-        """Return the lines along one that is less worn, nearer than a lane is wide: older paint, where new was put beside it.
+    def _older_paint(self, side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]]) -> set[int]:
+        """Return the lines 0.15 to 0.5 m beside one that is less worn: older paint, where new was put beside it.
 
-        The stripes of a double line are worn alike, as the same traffic wears them.
+        The stripes of a double line are worn alike, as the same traffic wears them. What a car or a hole in the data hides
+        of one stripe is in one or two places; worn paint is patchy.
+
+        Parameters
+        ----------
+        side_by_side
+            Whether each of two lines is bridged, station by station.
         """
         found: set[int] = set()
-        for (a, b), flags in self._side_by_side.items():
+        for (a, b), flags in side_by_side.items():
             share = np.mean(flags, axis=0)
             older = a if share[0] > share[1] else b
             n_patches = len(flags) * STATION_M / _PATCH_M
             sigma = np.sqrt(2.0 * share.mean() * (1.0 - share.mean()) / n_patches)
+            bare = np.array(flags)[:, 0 if older == a else 1]
+            n_bare = int(np.count_nonzero(np.diff(bare.astype(np.int8), prepend=0) == 1))
+            if n_bare < _LEAST_BARE:
+                continue
             if np.ptp(share) > _OLDER_SIGMAS * sigma and self._is_most_of(older, len(flags)):
                 found.add(older)
         return found

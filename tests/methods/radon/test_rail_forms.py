@@ -179,6 +179,8 @@ def test_a_fence_ends_where_its_windows_end_and_bridges_one_window_length():
     assert (start, stop) == pytest.approx((10.0, 26.0), abs=0.6)
     assert agreeing == pytest.approx(0.75, abs=0.01)
     assert len(stretches("bbbb-----bbbb")) == 2
+    # What shows something else is not bridged
+    assert [form for form, *_ in stretches("bbbbttbbbb")] == ["boards", "boards"]
 
 
 def test_a_rail_goes_on_to_its_ends_that_dip():

@@ -129,3 +129,10 @@ def test_boxes_with_an_unknown_step_say_nothing():
     assert one_plane(np.full(64, np.nan)) == 1.0
     assert one_plane(np.where(np.isnan(rise), np.nan, 0.0)) > 0.9
     assert one_plane(rise) < 0.1
+
+
+def test_a_stone_that_is_no_line_does_not_come_back_in_pieces():
+    stones = boxes_on(*[straight(6.2, x=x) for x in (0.0, 30.0)])
+    rise = 0.02 * np.sign(stones.u[:, 0]) + 0.003 * np.random.default_rng(1).normal(size=len(stones))
+    lines = joined(replace(stones, height_m=rise))
+    assert set(lines.kind) == {CANDIDATE}

@@ -12,6 +12,7 @@ from numba import njit
 
 from linework.arrays import FloatArray
 from linework.kernels.paint.paint_points import POINT_INTENSITY, POINT_X, POINT_Y, POINT_Z
+from linework.kernels.paint.stripe_search import NARROWEST_LINE_M
 from linework.kernels.tracking.small_systems import factor, solve
 
 #: Columns of a strip of points: along and across [m], brightness (0 road, 1 paint), height [m].
@@ -29,8 +30,6 @@ FEWEST_FITTED = 8
 #: Standard deviations of what is known before the fit: the offset to 0.1 m, the slope to 0.2, the width to 0.05 m
 #: (lines are 0.10 m wide and wider), the brightness of paint, about 1, to 0.3.
 PRIOR_OFFSET_M, PRIOR_SLOPE, PRIOR_WIDTH_M, PRIOR_PAINT = 0.1, 0.2, 0.05, 0.3
-#: Narrowest line in use: the width expected before the fit is no less. [m]
-NARROWEST_LINE_M = 0.10
 #: Weight, in points, that keeps every unknown of the fit where it is, so that the matrix stays regular.
 DAMPING = 1e-3
 #: Most that a step of the fit changes offset and width, as a share of the width and at least in metres, and the slope.
@@ -124,6 +123,7 @@ def fit_stripe(
     """
     n = FIT_UNKNOWNS
     begin, end = stretch
+    # No line in use is narrower
     width0 = max(fit[FIT_WIDTH], NARROWEST_LINE_M)
     normal, right, step = np.zeros((n, n)), np.zeros(n), np.zeros(n)
     row = np.zeros(n)

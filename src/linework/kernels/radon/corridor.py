@@ -299,14 +299,14 @@ def find_beams(
                 above = below_top[k + 2 + n_clear] - below_top[k + 2]
                 under = below_top[k + 1 - n_sheet + n_half] - below_top[k + 1 - n_sheet]
                 below = below_top[k - n_beam] - below_top[k - n_beam - n_clear]
-                is_sheet = k >= k_sheet - first and inside >= _LEAST_SHEET * least
-                is_sheet = is_sheet and under * n_beam >= _SHEET_SHARE * inside * n_half
-                if k >= k_beam - first and not is_sheet:
-                    continue
-                score = inside - _CLEAR_WEIGHT * (above + (0.0 if is_sheet else below)) * n_beam / n_clear
-                if score < (_EDGE_CLARITY if is_sheet else clarity) * inside:
-                    continue
-                if is_sheet:
+                score = inside - _CLEAR_WEIGHT * (above + below) * n_beam / n_clear
+                if k >= k_beam - first or score < clarity * inside:
+                    # No beam: a sheet, if it is seen down to the ground and nothing is above it
+                    score = inside - _CLEAR_WEIGHT * above * n_beam / n_clear
+                    if k < k_sheet - first or inside < _LEAST_SHEET * least:
+                        continue
+                    if under * n_beam < _SHEET_SHARE * inside * n_half or score < _EDGE_CLARITY * inside:
+                        continue
                     score = least + _ONE_EDGE * score
                 if score > best[b]:
                     best[b] = score

@@ -152,7 +152,8 @@ def find_starts(segments: SeedSegments, bins: Bins, config: CircleConfig) -> Flo
 
     A seed line is good to a cell of the image. Around it the Radon transform is taken once more, of the
     points themselves and over small turns, for strips that look like a beam in end view: points over a
-    beam's height, none above, none below. Most seeds in hedges, walls and cars are dropped here.
+    beam's height, none above, none below; or of a sheet, with none above and points down to twice that height. Most
+    seeds in hedges, walls and cars are dropped here.
     """
     turns = np.radians(np.arange(-MOST_TURN_DEG, MOST_TURN_DEG + 0.01, TURN_STEP_DEG))
     shape = kernels.BeamShape(

@@ -192,7 +192,7 @@ def formed_stretches(
         for run in long_runs((names == name) & free, _EVERY):
             sure[run] = True
         if name == "fence":
-            near = _closed(sure, round(config.window_m / circles.spacing_m))
+            near = _closed(sure, round(config.window_m / circles.spacing_m)) & np.isin(names, ("", name))
         else:
             near = near_chosen(sure, chainage, config.max_run_on_m)
             for run in long_runs((names != name) & (names != ""), most_on):

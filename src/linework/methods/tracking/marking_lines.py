@@ -11,7 +11,12 @@ from scipy.special import erf
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight, visible_share
-from linework.methods.tracking.against_paint import BrightStrips, chance_of_one_plane, why_not_paint
+from linework.methods.tracking.against_paint import (
+    ON_STEP,
+    BrightStrips,
+    chance_of_one_plane,
+    why_not_paint,
+)
 from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.guides import LEAST_GUIDE_M
 from linework.methods.tracking.pattern import (
@@ -104,8 +109,9 @@ def marking_lines(
     """
     lines, other = list[SmoothMarking](), list[SmoothMarking]()
     for found in _all_markings(boxes, tracks, visible, strips):
-        # What is too bare for a line may be shorter paint in a row
-        parts = [found] if _is_line(found) else _without_gaps(boxes, found, strips)
+        # What is too bare for a line may be shorter paint in a row; stones are told by their step along the whole line
+        is_whole = _is_line(found) or found.why_unlikely == ON_STEP
+        parts = [found] if is_whole else _without_gaps(boxes, found, strips)
         for m in parts:
             if not m.why_unlikely:
                 (lines if _is_line(m) else other).append(m)
