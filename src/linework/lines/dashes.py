@@ -24,7 +24,7 @@ ALIKE_DASHES_M = 0.25
 #: Rounds after which shares of whole dashes change by less than a thousandth.
 _N_ROUNDS = 30
 #: Fewest equally long dashes that show a rhythm: a line through the middles of three has a scatter.
-_LEAST_WHOLE = 3
+LEAST_WHOLE = 3
 #: Dashes less than this many times the least distance apart are next to each other.
 _SINGLE = 1.5
 #: Share of the steps between whole dashes that are one period: below it, the shortest step is a stray dash in a space.
@@ -32,7 +32,7 @@ _LEAST_SUCCESSIVE = 0.3
 #: Dashes lie within this share of a period of their places: places at random are 0.29 periods off.
 _LEAST_REGULAR = 0.1
 #: Worn dashes were restored from as many whole ones about them, so that more are not independent: `methods.tracking.pattern`.
-_N_NEAR = 4
+N_NEAR = 4
 #: Paint looks bright as far as the spot of a beam touches it: ends are up to half a spot of some 2 cm beyond it. [m]
 _SPOT_M = 0.02
 
@@ -129,7 +129,7 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
     """
     whole = dashes[whole_dashes(dashes[:, 1] - dashes[:, 0])] if len(dashes) else dashes
     n = len(whole)
-    if n < _LEAST_WHOLE or 2 * n < len(dashes):
+    if n < LEAST_WHOLE or 2 * n < len(dashes):
         return None
     length, middle = whole[:, 1] - whole[:, 0], whole.mean(axis=1)
     step = np.diff(middle)
@@ -147,7 +147,7 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
     off = middle - middle.mean() - period * number
     if math.sqrt(float(off @ off) / n) > min(ALIKE_DASHES_M, _LEAST_REGULAR * period):
         return None
-    n_own = min(n, _N_NEAR)
+    n_own = min(n, N_NEAR)
     dash_sigma = math.hypot(float(length.std(ddof=1)) / math.sqrt(n_own), _SPOT_M / math.sqrt(3.0))
     period_sigma = math.sqrt(float(off @ off) / (n - 2) / spread)
     dash = float(length.mean())

@@ -34,7 +34,7 @@ STRAY_PAINT_M = (0.5, 1.2)
 #: Stripes of a double line are this far apart (decision 83). So is older paint from the line that replaced it. [m]
 _TWO_STRIPES_M = (0.15, 0.5)
 #: Wear comes in patches of this length, so that as many places of a line are worn independently [m]; a line that is worn
-#: more than the one beside it by this many standard deviations is older.
+#: more than the one beside it by this many standard deviations is older: by chance once in 370 pairs.
 _PATCH_M, _OLDER_SIGMAS = 2.5, 3.0
 #: Fewest bare places of a worn stripe: what one car hides, or a hole in the data, is one or two.
 _LEAST_BARE = 3

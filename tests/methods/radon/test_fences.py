@@ -51,8 +51,8 @@ def test_a_wall_is_no_fence(top_m):
     assert len(lines) == 0
 
 
-def test_the_lower_half_of_a_rail_is_no_sheet_on_the_ground():
-    """Posts of a rail and the ground below them are not followed as a fence's upper edge."""
+def test_what_is_lower_than_a_sheet_and_stands_on_the_ground_gives_no_start():
+    """What is seen below its edge is the ground, not a sheet that goes on."""
     rng = np.random.default_rng(5)
     p = prepare(straight(scene(rng, made.sheet(rng, (2.0, 38.0), lambda h: 5.0 + 0 * h, (0.0, 0.5), 80))))
     segments = split_into_segments(find_seed_lines(p.binary, RADON.seeds), p.binary, RADON.seeds)

@@ -118,11 +118,13 @@ LEAST_RAMP_SLOPE = 0.12
 MOST_RAMP_SLOPE = 1.0
 #: Largest slope of a ramp that replaces a step: a face that leans back by 1 is half of a ramp that does by 2. [m/m]
 MOST_SLOPE_INSTEAD = 0.5
-#: Weights that hold a ramp's slopes along u and v to 0 [m^2]; share of its width at either end that is left out.
+#: Weights that hold a ramp's slopes along u and v to 0 [m^2]; share of its width at either end that is left out: points of
+#: floor and top near its ends turn its plane. The share is set, not measured.
 RAMP_SOFT, RAMP_END = (1e-3, 1e-4), 0.1
-#: Rounds of fitting the three planes, and the largest turn in one round.
+#: Rounds of fitting the three planes, and the largest turn in one round [rad], so that a plane of few points cannot turn the
+#: frame away. Set, not measured.
 RAMP_ROUNDS, MOST_FOOT_TURN = 3, 0.2
-#: Variance of a line's height at its end over that at its middle.
+#: Variance of a line's height at its end over that at its middle, for points spread evenly along it: 1 + 3.
 END_VARIANCE = 4.0
 
 
@@ -229,7 +231,7 @@ def _ramp_over(
     vx, vy, v = first[RAMP_VX], first[RAMP_VY], first[RAMP_FOOT]
     low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + CHORD_SLACK_M)
     middle = 0.5 * (low + high) if low <= high else 0.0
-    # Measured again about the middle of the foot's piece in this cell; beside it, to know whether it is a ramp
+    # Measured again about the middle of the foot within this cell, or where it is nearest to the cell
     mx, my = v * vx + middle * vy, v * vy - middle * vx
     plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     again = (x + mx, y + my)

@@ -32,7 +32,7 @@ _AGAIN = 0.5
 #: Mean score of a stretch from which on it is more likely what it shows than not.
 _LIKELY = 0.5
 #: A mesh lets the scanner see what lies behind it, unless the land falls away there; a wall does not. Where nothing is
-#: seen behind, it is a little more likely a mesh than not: its section is that of a thin sheet.
+#: seen behind, it is a little more likely a mesh than not: its section is that of a thin sheet. Set, not measured.
 _BLIND = 0.6
 #: Score of a node that is rather on one line than not.
 _STEADY = 0.5

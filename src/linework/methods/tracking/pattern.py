@@ -15,7 +15,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.kernels.paint.rhythm import best_rhythm
 from linework.kernels.paint.stripe_extent import LEAST_GAP_M
-from linework.lines.dashes import ALIKE_DASHES_M, whole_dashes
+from linework.lines.dashes import ALIKE_DASHES_M, LEAST_WHOLE, N_NEAR, whole_dashes
 
 #: Step at which paint is sampled along the line. [m]
 PAINT_STEP_M = 0.10
@@ -43,9 +43,8 @@ _MOST_EXPECTED = 0.99
 #: Typical length of a patch that wear has removed [m]; a rhythm that patches produce with more than this chance does
 #: not count.
 PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
-#: A dash is whole if its length is this near the usual one [m]; fewest whole dashes that show where others belong;
-#: number of the nearest ones that are used.
-WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = ALIKE_DASHES_M, 3, 4
+#: A dash is whole if its length is this near the usual one. [m]
+WHOLE_PAINT_M = ALIKE_DASHES_M
 #: Range about the folded period in which the exact one lies, as a share of it, and the step in which it is looked for [m]:
 #: in a bend, dashes of a line 4 m beside the axis of one of 150 m are drawn 1/37 (2.7 %) longer or shorter than there.
 _PERIOD_REACH, _PERIOD_STEP_M = 0.03, 0.01
