@@ -54,6 +54,26 @@ def test_what_is_cut_off_far_away_does_not_move_a_chain(long_rail):
     assert apart.max() < 1e-9
 
 
+def test_what_was_followed_at_the_same_height_is_left_out(long_rail):
+    """Two bands of heights must not draw one beam twice; an edge above it is a line of its own."""
+    p = prepare(straight(long_rail))
+    starts = find_starts(
+        split_into_segments(find_seed_lines(p.binary, SEEDS), p.binary, SEEDS), p.bins, CIRCLES
+    )
+
+    def found(followed):
+        band = (CIRCLES.min_height_m, CIRCLES.max_sheet_m)
+        return chains_from_starts(starts, p.bins, band, PROFILE.min_length_m, CIRCLES, followed=followed)
+
+    alone = found([])
+    higher = [chain + np.array([0.0, 0.0, 0.3, 0.0, 0.0]) for chain in alone]
+    part = [chain[40:] for chain in alone]
+    assert sum(map(len, alone)) > 200
+    assert found(alone) == []
+    assert sum(map(len, found(higher))) == sum(map(len, alone))
+    assert 0 < sum(map(len, found(part))) < 60
+
+
 def test_a_rail_between_starts_far_apart_is_followed_on():
     """Of two beams close together starts are rare; the one that is there leads on."""
     rng = np.random.default_rng(1)

@@ -124,13 +124,11 @@ class RailMethod:
         starts = find_starts(segments, bins, c.circles)
         # Sheets that are higher than rails are followed by themselves: what grows over a rail does not lead it away
         is_high = height_above_ground(surface, places_of(starts, bins)) > c.circles.max_top_m
-        chains = [
-            chain
-            for own, high_m in ((starts[~is_high], c.max_height_m), (starts[is_high], c.circles.max_sheet_m))
-            for chain in chains_from_starts(
-                own, bins, (c.circles.min_height_m, high_m), c.profile.min_length_m, c.circles
-            )
-        ]
+        length_m, low_m = c.profile.min_length_m, c.circles.min_height_m
+        low = chains_from_starts(starts[~is_high], bins, (low_m, c.max_height_m), length_m, c.circles)
+        sheet_m = (low_m, c.circles.max_sheet_m)
+        high = chains_from_starts(starts[is_high], bins, sheet_m, length_m, c.circles, followed=low)
+        chains = low + high
         yield "corrected centres", [chain[:, :3] + bins.origin for chain in chains]
         # Local fits of the corrected centres; the height from the highest points
         rails = fit_rails(chains, bins, c.circles, c.profile)

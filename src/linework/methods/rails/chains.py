@@ -7,6 +7,7 @@ place depends only on the points about it, whatever the tile.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,8 +29,8 @@ FAR_REACH_M = 48.0
 NEAR_START_M = 8.0
 #: Number of columns of a chain: x, y [m, from the bins' origin], top z [m], number of points, measured (1) or not (0).
 CHAIN_COLUMNS = 5
-#: Column of a chain that says whether a node is measured.
-_MEASURED = 4
+#: Columns of a chain: the height of a node, and whether it is measured.
+_TOP, _MEASURED = 2, 4
 #: Columns of a node that a chain has.
 _OF_NODE = (NODE_X, NODE_Y, NODE_TOP, NODE_POINTS, NODE_MEASURED)
 #: Fewest nodes of a chain, whatever the setting.
@@ -127,7 +128,12 @@ class Strands:
 
 
 def chains_from_starts(
-    starts: FloatArray, bins: Bins, band_m: tuple[float, float], least_m: float, config: CircleConfig
+    starts: FloatArray,
+    bins: Bins,
+    band_m: tuple[float, float],
+    least_m: float,
+    config: CircleConfig,
+    followed: Sequence[FloatArray] = (),
 ) -> list[FloatArray]:
     """Return the chains that circles follow from all starts, (n, 5) each, without overlap.
 
@@ -139,6 +145,8 @@ def chains_from_starts(
         Range of heights above the road of the points that are followed. [m]
     least_m
         Shorter chains are dropped. [m]
+    followed
+        Chains of another band, (n, 5) each: what lies on one of them at its height is the same edge, and left out.
 
     Returns
     -------
@@ -156,7 +164,7 @@ def chains_from_starts(
     )
     partner = link_strands(strands, bins, config)
     chains = [_assembled(strands, chain, partner, config) for chain in _ordered(len(strands), partner)]
-    return _each_place_once(chains, least, config)
+    return _apart_from(followed, _each_place_once(chains, least, config), least, config)
 
 
 def follow_strands(
@@ -372,20 +380,51 @@ def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> 
     rank = np.empty(len(rows), dtype=np.int64)
     rank[np.lexsort((number, -score, np.concatenate([c.far for c in chains])))] = np.arange(len(rows))
     ahead = np.concatenate([_ahead(chain.rows) for chain in chains])
-    along, across = config.spacing_m, ACROSS_RADII * config.radius_m
-    near = cKDTree(rows[:, :2]).query_pairs(float(np.hypot(along, across)), output_type="ndarray")
+    near = cKDTree(rows[:, :2]).query_pairs(_reach_of_node(config), output_type="ndarray")
     near = near[owner[near[:, 0]] != owner[near[:, 1]]]
     less = np.where((rank[near[:, 0]] > rank[near[:, 1]])[:, None], near, near[:, ::-1])
     node, over = less.T
-    step, turn = rows[node, :2] - rows[over, :2], _cross(ahead[node], ahead[over])
-    lies_on = np.abs(np.sum(step * ahead[over], axis=1)) <= along
-    lies_on &= (np.abs(_cross(step, ahead[over])) <= across) & (np.abs(turn) < _PARALLEL_SINE)
+    lies_on = _lies_on(rows[node], ahead[node], rows[over], ahead[over], config)
     free = np.ones(len(rows), dtype=bool)
     free[node[lies_on]] = False
     parts = np.split(free, np.cumsum(lengths)[:-1])
     return [
         chain.rows[run] for chain, own in zip(chains, parts, strict=True) for run in long_runs(own, least)
     ]
+
+
+def _apart_from(
+    followed: Sequence[FloatArray], chains: list[FloatArray], least: int, config: CircleConfig
+) -> list[FloatArray]:
+    """Return the runs of at least `least` nodes of chains that do not lie on those followed before, at their height."""
+    if not followed or not chains:
+        return chains
+    over, rows = np.concatenate(followed), np.concatenate(chains)
+    trees, reach_m = (cKDTree(rows[:, :2]), cKDTree(over[:, :2])), _reach_of_node(config)
+    near = trees[0].sparse_distance_matrix(trees[1], reach_m, output_type="ndarray")
+    i, j = near["i"], near["j"]
+    ahead, ahead_over = (np.concatenate([_ahead(c) for c in of_all]) for of_all in (chains, followed))
+    same = _lies_on(rows[i], ahead[i], over[j], ahead_over[j], config)
+    same &= np.abs(rows[i, _TOP] - over[j, _TOP]) <= config.radius_m
+    free = np.ones(len(rows), dtype=bool)
+    free[i[same]] = False
+    parts = np.split(free, np.cumsum([len(c) for c in chains])[:-1])
+    return [chain[run] for chain, own in zip(chains, parts, strict=True) for run in long_runs(own, least)]
+
+
+def _reach_of_node(config: CircleConfig) -> float:
+    """Return how far in plan a node may lie from one that it lies on [m]."""
+    return float(np.hypot(config.spacing_m, ACROSS_RADII * config.radius_m))
+
+
+def _lies_on(
+    node: FloatArray, ahead: FloatArray, over: FloatArray, ahead_over: FloatArray, config: CircleConfig
+) -> BoolArray:
+    """Return which nodes (n, 5) lie in plan on other ones of parallel chains, (n,) bool."""
+    step = node[:, :2] - over[:, :2]
+    lies_on = np.abs(np.sum(step * ahead_over, axis=1)) <= config.spacing_m
+    lies_on &= np.abs(_cross(step, ahead_over)) <= ACROSS_RADII * config.radius_m
+    return np.asarray(lies_on & (np.abs(_cross(ahead, ahead_over)) < _PARALLEL_SINE))
 
 
 def _ahead(rows: FloatArray) -> FloatArray:
