@@ -102,6 +102,34 @@ def test_the_axis_of_a_pipe_is_its_middle_not_its_visible_side():
     assert band.height_m == pytest.approx(0.14, abs=0.03)
 
 
+def scanned(outline, across_m, down_deg, n=420):
+    """Points of an outline that evenly spaced beams from the right meet, with noise of 1.8 cm across and 0.6 in height."""
+    rng = np.random.default_rng(11)
+    height = rng.uniform(-0.06, 0.06, n)
+    if outline == "pipe":
+        # Beams from this far up meet the circle this far from its middle
+        turn = np.arcsin(height / 0.06) + np.radians(down_deg)
+        u, z = across_m + 0.06 * np.cos(turn), 0.06 * np.sin(turn)
+    else:
+        u, z = np.full(n, across_m), height
+    noise = rng.normal(0.0, 1.0, (n, 2)) * [0.018, 0.006]
+    return np.column_stack([u, z]) + noise
+
+
+@pytest.mark.parametrize("across_m", [-0.04, 0.0, 0.06])
+@pytest.mark.parametrize("down_deg", [0.0, 20.0])
+def test_a_noisy_plate_is_no_pipe(across_m, down_deg):
+    """Where a pipe is level, distances forgive any noise across; that beams seldom meet it there tells the two apart."""
+    for outline, form in (("plate", "boards"), ("pipe", "tube")):
+        bars = [scanned(outline, across_m, down_deg) + np.array([0.0, top]) for top in (-0.07, -0.50)]
+        edges = (
+            np.arange(DEPTHS_M[0], DEPTHS_M[1] + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+            np.arange(-HALF_SECTION_M, HALF_SECTION_M + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+        )
+        u, z = np.concatenate(bars).T
+        assert form_of_section(np.histogram2d(z, u, bins=edges)[0], 1.1).form == form
+
+
 def bar(low, flat, pipe):
     """Return a bar of 0.14 m with what a flat outline and a pipe cost."""
     fits = OutlineFit("flat", 0.0, 1.0, flat), OutlineFit("pipe", 0.07, 1.0, pipe)

@@ -87,6 +87,49 @@ def bar_costs(
 
 
 @njit(cache=True, nogil=True)
+def pipe_rarity(
+    points: FloatArray, place: float, sizes: tuple[float, float, float], elevations: FloatArray
+) -> float:
+    """Return how rare the places of points on a pipe are, against places evenly over its height [nats].
+
+    Beams are evenly spaced across their direction: on a piece of outline they return in proportion to how squarely it
+    faces the scanner, and a plate has as many at any height. Distances alone do not say this: near its top, where a pipe
+    is level, any error across costs nothing, and it explains a plate with noise as well as a plate does. The direction is
+    that of the most likely view, from the left, the right, or in two passes from both.
+
+    Parameters
+    ----------
+    points
+        (n, 3) cells with points: their number, distance across and height over the middle of the pipe. [m]
+    place
+        Of its middle. [m]
+    sizes
+        Its radius, the distance from which on points do not lie on it and are not counted, and the standard deviation of
+        the noise: it blurs the limb, which beams graze. [m]
+    elevations
+        (e,) tried elevations of the scanner. [rad]
+    """
+    radius, most, noise = sizes
+    # Half of what the surface shows, on average, over the noise beside its limb
+    limb = 0.5 * np.sqrt(1.6 * noise / radius)
+    best = np.inf
+    for e in range(len(elevations)):
+        level, down = np.cos(elevations[e]), np.sin(elevations[e])
+        for side in range(-1, 2):
+            # Each of two passes has half of the points
+            share, rarity = (1.0 if side != 0 else 0.5), 0.0
+            for i in range(len(points)):
+                number, across, tall = points[i, 0], points[i, 1] - place, points[i, 2]
+                across = abs(across) if side == 0 else side * across
+                away = max(np.hypot(across, tall), 1e-9)
+                if abs(away - radius) <= most:
+                    facing = (level * across + down * tall) / away
+                    rarity -= number * np.log(share * 0.5 * (facing + np.sqrt(facing**2 + 4.0 * limb**2)))
+            best = min(best, rarity)
+    return best
+
+
+@njit(cache=True, nogil=True)
 def outside_of_tube(across: float, tall: float, half: float) -> float:
     """Return the distance of a point from the faces of a square tube [m]; across is not negative."""
     sideways, upward = across - half, abs(tall) - half

@@ -58,6 +58,8 @@ ON_OUTLINE_M = 0.05
 #: Step between tried places across [m], and these places.
 _STEP_M = 0.005
 _PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _STEP_M, _STEP_M)
+#: Elevations from which a scanner 1 to 2 m over a bar sees it from 3 to 20 m. [rad]
+_ELEVATIONS_RAD = np.radians([5.0, 15.0, 30.0])
 
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
@@ -273,7 +275,7 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
     """Return a band with the outline that explains it best.
 
     The simplest outline, a flat one, is kept where others fit no better than by chance: half the logarithm of the number
-    of points for the thickness that they have in addition (BIC).
+    of points for the thickness that they have in addition (BIC), and how rarely beams would meet a pipe there.
     """
     rows = (z > low) & (z < high)
     weight, size = counts[rows], high - low
@@ -288,6 +290,8 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
         best += _bars(weight, height, u, 0.5 * size, number)
     noise = max(min(fit.cost for fit in best) / number, (0.5 * SECTION_CELL_M) ** 2)
     penalty = float(np.log(number))
+    if len(best) > 1:
+        penalty += _rarity(weight, height, u, (0.5 * size, ON_OUTLINE_M, float(np.sqrt(noise))), best[1])
     fits = tuple(
         replace(fit, cost=0.5 * fit.cost / noise + (fit.outline != "flat") * penalty) for fit in best
     )
@@ -296,6 +300,15 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
     top_share = float(upper[:, off].sum() / max(upper.sum(), 1.0))
     chosen = min(fits, key=lambda fit: fit.cost)
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, top_share, fits)
+
+
+def _rarity(
+    weight: FloatArray, height: FloatArray, u: FloatArray, sizes: tuple[float, float, float], pipe: OutlineFit
+) -> float:
+    """Return how rare the points (heights, widths) of a pipe are [nats]; those of a square tube are no less so."""
+    row, column = np.nonzero(weight)
+    points = np.column_stack([weight[row, column], u[column], height[row]])
+    return float(outlines.pipe_rarity(points, pipe.axis_m, sizes, _ELEVATIONS_RAD))
 
 
 def _bars(
