@@ -168,3 +168,13 @@ def test_processes_are_gone_when_the_executor_is_left(work):
         assert _lives(pid)
         assert pid != os.getpid()
     assert not _lives(pid)
+
+
+def test_a_survey_of_one_tile_gets_threads_unless_own_code_is_called():
+    from linework.runs.opened.store import executor_for
+    from linework.runs.settings import RunSettings
+
+    few = RunSettings().tiling.max_points
+    for n_workers, own, kind in ((2, False, Threads), (2, True, Serial), (1, False, Serial)):
+        with executor_for(few, n_workers, RunSettings(), has_own_code=own) as executor:
+            assert type(executor) is kind
