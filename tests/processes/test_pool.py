@@ -4,13 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from linework.errors import MachineError
-from linework.processes.executors import Serial
+from linework.processes.executors import Serial, Threads
 from linework.processes.pool import Processes
 
 HERE = Path(__file__).parent
@@ -90,7 +91,7 @@ def test_what_hangs_is_given_up(work, task):
     assert found == {task: (None, "the worker hung (no answer for 0.7 s)"), "a": ("A", "")}
 
 
-@pytest.mark.parametrize("make", [Serial, lambda: Processes(1)])
+@pytest.mark.parametrize("make", [Serial, lambda: Threads(2), lambda: Processes(1)])
 def test_a_full_disk_ends_the_run_and_leaves_no_process(work, make):
     executor = make()
     with pytest.raises(MachineError, match=r"tile: cannot be written: no space. Free some."):
@@ -103,6 +104,34 @@ def test_the_order_of_tasks_and_the_number_of_processes_change_nothing(work):
     tasks = [f"task {i}" for i in range(20)]
     with Processes(2) as executor:
         assert outcomes(executor, work, tasks) == outcomes(Serial(), work, tasks[::-1])
+    assert outcomes(Threads(2), work, tasks) == outcomes(Serial(), work, tasks[::-1])
+
+
+def test_what_fails_in_a_thread_costs_its_own_task(work):
+    found = outcomes(Threads(2), work, ["a", "fail", "eat", "b"])
+    assert found == {
+        "a": ("A", ""), "b": ("B", ""), "fail": (None, "KeyError: 'x'"), "eat": (None, "out of memory"),
+    }  # fmt: skip
+
+
+def test_threads_do_tasks_at_the_same_time():
+    both = threading.Barrier(2, timeout=60.0)
+    assert [o.problem for o in Threads(2).run(lambda _: both.wait() < 2, ["a", "b"])] == ["", ""]
+
+
+def test_threads_end_with_a_run_that_ends_early():
+    begun, before = threading.Event(), threading.active_count()
+
+    def work(task):
+        begun.set()
+        while task == "forever":
+            time.sleep(0.001)
+        begun.wait()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(Threads(2).run(work, ["forever", "interrupted"]))
+    assert threading.active_count() == before
 
 
 def test_processes_end_with_their_parent_however_it_ends(work, tmp_path):
@@ -139,3 +168,13 @@ def test_processes_are_gone_when_the_executor_is_left(work):
         assert _lives(pid)
         assert pid != os.getpid()
     assert not _lives(pid)
+
+
+def test_a_survey_of_one_tile_gets_threads_unless_own_code_is_called():
+    from linework.runs.opened.store import executor_for
+    from linework.runs.settings import RunSettings
+
+    few = RunSettings().tiling.max_points
+    for n_workers, own, kind in ((2, False, Threads), (2, True, Serial), (1, False, Serial)):
+        with executor_for(few, n_workers, RunSettings(), has_own_code=own) as executor:
+            assert type(executor) is kind

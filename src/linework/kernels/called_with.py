@@ -170,7 +170,7 @@ radon.outlines.flat_costs = rails
 radon.outlines.pipe_rarity = rails
     f8:2C f8 (f8,f8,f8) f8:1C
 radon.sections.count_outlines = rails
-    f8:2C i8:1C i8 i8 f8 f8:2C f8 f8 (f8,f8) f8 f8:2C
+    f8:2C i8:1C i8 i8 f8 f8:2C i8:2C f8 f8 (f8,f8) f8 f8:2C
 radon.sections.fit_lines_locally = rails
     f8:1C f8:1C f8:1C f8 i8:1C
 radon.sections.profile_along = rails

@@ -177,11 +177,12 @@ def extract(
         )  # fmt: skip
         _check_recorded(recordings, asked, kinds)
         has_pairs = recordings.stereo is not None
+        own = own_code_of(asked, ground)
         described = describe_run(
             {
                 "methods": [identity_of(method) for method in asked],
                 "settings": asdict(chosen),
-                "own": own_code_of(asked, ground),
+                "own": own,
                 "recorded": recordings.identity,
                 **({} if adjust else {"adjust": False}),
             },
@@ -191,7 +192,13 @@ def extract(
         output = folder / f"lines-{fingerprint_of(described)[:16]}"
         run = held.enter_context(run_folder(folder, output, described, resume=resume))
         executor = cluster or held.enter_context(
-            executor_for(_n_points(recordings), n_workers, chosen, has_images=has_pairs)
+            executor_for(
+                _n_points(recordings),
+                n_workers,
+                chosen,
+                has_images=has_pairs,
+                has_own_code=bool(own),
+            )
         )
         found = find_lines_of_drives(
             recordings,

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PPoly, make_lsq_spline
 
 from linework.arrays import FloatArray, distance_along
 
@@ -105,6 +104,8 @@ def _fitted(places: FloatArray, at: FloatArray, piece_m: float) -> ReferenceCurv
 
 
 def _spline(places: FloatArray, at: FloatArray, piece_m: float) -> ReferenceCurve:
+    from scipy.interpolate import PPoly, make_lsq_spline  # slow to import, and lanes are made on request
+
     n = max(round(float(at[-1]) / piece_m), 1)
     starts = np.linspace(0.0, float(at[-1]), n + 1)
     knots = np.concatenate([np.zeros(3), starts, np.full(3, at[-1])])

@@ -6,6 +6,9 @@ processes of this machine (`linework.processes.pool.Processes`) and for a cluste
 
 from __future__ import annotations
 
+import ctypes
+import queue
+import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -65,6 +68,75 @@ class Serial:
         """
         for task in tasks:
             yield outcome_of(work, task)
+
+
+class _StoppedError(BaseException):
+    """Ends a thread whose results nobody waits for; no ``except Exception`` holds it up."""
+
+
+class Threads:
+    """Runs tasks in threads of this process, which start at once and share what is loaded.
+
+    Kernels run beside each other, the rest takes turns: two threads do the tiles of a survey 1.5 times as fast as one, and
+    take neither the seconds nor the memory of processes. But a task that dies takes the run with it, as in `Serial`.
+
+    Notes
+    -----
+    Where the run ends early, by an interruption or a full disk, threads end between two instructions of Python, which a
+    kernel may put off for a second or two, as it puts off an interruption of this thread.
+    """
+
+    def __init__(self, n_workers: int) -> None:
+        self.n_workers = n_workers
+
+    def run(self, work: Callable[[Task], Receipt], tasks: Sequence[Task]) -> Iterator[Outcome[Task, Receipt]]:
+        """Yield the outcome of each task as it ends.
+
+        >>> sorted(outcome.receipt for outcome in Threads(2).run(abs, [-1, 2]))
+        [1, 2]
+        """
+        if min(self.n_workers, len(tasks)) <= 1:
+            yield from Serial().run(work, tasks)
+            return
+        waiting, done = queue.SimpleQueue[Task](), queue.SimpleQueue[Outcome[Task, Receipt] | BaseException]()
+        for task in tasks:
+            waiting.put(task)
+        threads = [
+            threading.Thread(target=_do_tasks, args=(work, waiting, done), daemon=True)
+            for _ in range(min(self.n_workers, len(tasks)))
+        ]
+        try:
+            for thread in threads:
+                thread.start()
+            for _ in tasks:
+                outcome = done.get()
+                if isinstance(outcome, BaseException):
+                    raise outcome
+                yield outcome
+        finally:
+            for thread in threads:
+                if thread.ident is not None and thread.is_alive():
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                        ctypes.c_ulong(thread.ident), ctypes.py_object(_StoppedError)
+                    )
+            for thread in threads:
+                if thread.ident is not None:
+                    thread.join()
+
+
+def _do_tasks(
+    work: Callable[[Task], Receipt],
+    waiting: queue.SimpleQueue[Task],
+    done: queue.SimpleQueue[Outcome[Task, Receipt] | BaseException],
+) -> None:
+    """Do waiting tasks until there are none, or the machine refuses."""
+    try:
+        while True:
+            done.put(outcome_of(work, waiting.get_nowait()))
+    except (queue.Empty, _StoppedError):
+        return
+    except BaseException as error:
+        done.put(error)
 
 
 def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Receipt]:

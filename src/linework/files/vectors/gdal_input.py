@@ -3,14 +3,22 @@
 An OGR VRT named .gpx returns the content of another file, a WFS in a text file sends requests. The drivers that do
 this are disabled in GDAL when pyogrio is imported here (unless a program has imported it before), and only files
 pass whose first bytes are those of a format we read. GeoPackages are checked by `gpkg_guard`.
+
+pyogrio looks for geopandas and pandas when it is imported: to learn their versions, it loads both, which takes longer
+than all else of it. Here it is told the versions, and loads them when somebody reads a data frame.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from collections.abc import Iterator
+from importlib import import_module, metadata
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from linework.errors import InputError, LineworkError
 from linework.files.input import open_input, plainly_named
@@ -24,11 +32,41 @@ FORBIDDEN_DRIVERS = (
 )  # fmt: skip
 
 
+class _OnlyVersion(ModuleType):
+    """A package of which nothing but the version is known until something else of it is asked for."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.__version__ = metadata.version(name)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # of the import system, which asks what a module is
+            raise AttributeError(name)
+        return getattr(import_module(self.__name__), name)
+
+
+@contextlib.contextmanager
+def _only_versions(*names: str) -> Iterator[None]:
+    """Have packages imported as their versions only; those that are loaded or missing stay so."""
+    hidden = {}
+    for name in names:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            if name not in sys.modules and find_spec(name) is not None:
+                hidden[name] = sys.modules[name] = _OnlyVersion(name)
+    try:
+        yield
+    finally:
+        for name, module in hidden.items():
+            if sys.modules.get(name) is module:
+                del sys.modules[name]
+
+
 # The variable is read when GDAL starts, and removed again: rasterio's GDAL lacks some of the drivers and warns.
 _before = os.environ.get("OGR_SKIP")
 os.environ["OGR_SKIP"] = ",".join(FORBIDDEN_DRIVERS)
 
-import pyogrio as pyogrio  # noqa: E402
+with _only_versions("geopandas", "pandas"):
+    import pyogrio as pyogrio
 
 del os.environ["OGR_SKIP"]
 if _before is not None:

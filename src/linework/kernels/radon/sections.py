@@ -300,29 +300,40 @@ def count_outlines(
     n_y: int,
     cell: float,
     nodes: FloatArray,
+    windows: IntArray,
     half_s: float,
     half_u: float,
     depths: tuple[float, float],
     bin_m: float,
     work: FloatArray,
 ) -> FloatArray:
-    """Count the points of cross-sections at the nodes of a line, in cells across and in height.
+    """Count the points of cross-sections of windows along a line, in cells across and in height.
 
     Parameters
     ----------
     points, starts, n_x, n_y, cell, nodes, half_s, work
         See `profile_along`.
+    windows
+        (k, 2): first node of each window, and the one after its last; neither ever falls from one to the next.
     half_u, depths, bin_m
         Half width of a section; its range of heights above the top edge; side of a cell. [m]
 
     Returns
     -------
-    (n, heights, widths) float64: from the lowest height up, from right to left. Points of the ground are left out.
+    (k, heights, widths) float64: from the lowest height up, from right to left. Points of the ground are left out.
     """
     low, high = depths
     n_z, n_u = round((high - low) / bin_m), round(2.0 * half_u / bin_m)
-    counts = np.zeros((len(nodes), n_z, n_u))
+    counts = np.zeros((len(windows), n_z, n_u))
+    first, last = 0, 0
     for i in range(len(nodes)):
+        # The windows that hold this node
+        while first < len(windows) and windows[first, 1] <= i:
+            first += 1
+        while last < len(windows) and windows[last, 0] <= i:
+            last += 1
+        if first >= last:
+            continue
         heading, top = nodes[i, NODE_HEADING], nodes[i, NODE_TOP]
         box = TurnedBox(
             nodes[i, NODE_X], nodes[i, NODE_Y], np.cos(heading), np.sin(heading), half_s, half_u, -10.0, 10.0
@@ -332,5 +343,6 @@ def count_outlines(
             b = int(np.floor((work[k, LOCAL_Z] - top - low) / bin_m))
             c = min(int((work[k, LOCAL_LEFT] + half_u) / bin_m), n_u - 1)
             if b >= 0 and b < n_z and work[k, LOCAL_HEIGHT] >= BEAM_FLOOR_M:
-                counts[i, b, c] += 1.0
+                for w in range(first, last):
+                    counts[w, b, c] += 1.0
     return counts

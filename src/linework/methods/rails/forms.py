@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray, offsets_of
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.radon.sections import EdgeShape
 from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.profile import ProfileConfig, moving_sum
+from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.sections import (
     NOTHING,
@@ -80,21 +80,19 @@ def forms_along(
     above_ground_m
         (n,) height of its top edge above the ground. [m]
     """
-    counts = sections_at(_nodes(rail), bins, circles)
-    n, window = len(counts), rail.profile.window
-    held = moving_sum(counts, window, offsets_of([n]))
     # Windows at places of the world, the same wherever a tile begins
-    nodes = _nodes(rail)
+    nodes, half = _nodes(rail), rail.profile.window // 2
+    n = len(nodes)
     along = np.abs(np.column_stack([np.cos(nodes[:, 2]), np.sin(nodes[:, 2])]))
     axis = np.argmax(along, axis=1)
     place = (rail.xy + bins.origin[:2])[np.arange(n), axis]
     step = _EVERY * circles.spacing_m
     at = np.flatnonzero(np.abs(place % step - 0.5 * step) < 0.5 * circles.spacing_m)
-    forms = [
-        form_of_section(held[i], float(above_ground_m[i])) if rail.measured[i] else NOTHING
-        for i in at.tolist()
-    ]
-    return at, _with_neighbours(forms)
+    asked = rail.measured[at]
+    windows = np.column_stack([np.maximum(at - half, 0), np.minimum(at + half + 1, n)])[asked]
+    held = sections_at(nodes, windows, bins, circles)
+    found = (form_of_section(*both) for both in zip(held, above_ground_m[at[asked]].tolist(), strict=True))
+    return at, _with_neighbours([next(found) if is_asked else NOTHING for is_asked in asked.tolist()])
 
 
 def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import outlines
 from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
@@ -178,13 +178,15 @@ class SectionForm:
 NOTHING = SectionForm("", "", ())
 
 
-def sections_at(nodes: FloatArray, bins: Bins, circles: CircleConfig) -> FloatArray:
-    """Return the points of the cross-sections at nodes of a line, (n, heights, widths).
+def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: CircleConfig) -> FloatArray:
+    """Return the points of the cross-sections of windows along a line, (k, heights, widths).
 
     Parameters
     ----------
     nodes
         (n, 4) x, y [m], heading [rad] and top z [m], from the origin of the bins.
+    windows
+        (k, 2) int64: first node of each window, and the one after its last; neither ever falls from one to the next.
     """
     counts: FloatArray = kernels.count_outlines(
         bins.points,
@@ -193,6 +195,7 @@ def sections_at(nodes: FloatArray, bins: Bins, circles: CircleConfig) -> FloatAr
         bins.n_y,
         bins.cell_m,
         np.ascontiguousarray(nodes),
+        np.ascontiguousarray(windows),
         circles.spacing_m / 2,
         HALF_SECTION_M,
         DEPTHS_M,

@@ -243,9 +243,14 @@ def usable_cores() -> int:
 
 @contextlib.contextmanager
 def executor_for(
-    n_points: int, n_workers: int, settings: RunSettings, *, has_images: bool = False
+    n_points: int,
+    n_workers: int,
+    settings: RunSettings,
+    *,
+    has_images: bool = False,
+    has_own_code: bool = False,
 ) -> Iterator[Executor]:
-    """Open the executor of a run: worker processes, started now, if there will be several tasks and workers.
+    """Open the executor of a run: threads for a survey of one tile, else worker processes, started now.
 
     Parameters
     ----------
@@ -253,12 +258,14 @@ def executor_for(
         Points of the survey (`promised_points` before they are read).
     has_images
         Whether stereo pairs are looked at: many small windows, any number of which is worth workers.
+    has_own_code
+        Whether tasks call functions of somebody else's, which may not expect to be called by two threads at once.
     """
-    from linework.processes.executors import Serial
+    from linework.processes.executors import Serial, Threads
     from linework.processes.pool import Processes
 
     if n_workers == 1 or (n_points <= settings.tiling.max_points and not has_images):
-        yield Serial()
+        yield Serial() if n_workers == 1 or has_own_code else Threads(n_workers)
         return
     with Processes(n_workers, modules=WORKER_MODULES) as processes:
         yield processes
