@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
+from linework.kernels.boundaries.kerb_bends import follow_bend
 from linework.kernels.boundaries.kerb_steps import (
     CLEAR_STEP,
     CLEAREST_ABOVE,
@@ -176,7 +177,7 @@ def kerb_in_cell(
     x, y = place
     n, scale = area
     usual_m = half_u = HALF_LENGTH_M * scale
-    why = _kerb_over(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
+    why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
     is_again = data.near_road[box_cell_at(data.span, x, y)] and not _rougher_than_usual(
         floor.noise, floor.usual
@@ -189,7 +190,7 @@ def kerb_in_cell(
         n = gather_at(
             data.points, data.starts, data.span, place, radius, floor.plane, MOST_PLACE_POINTS, scratch.work
         )
-        why = _kerb_over(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
+        why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # The windows of neighbouring boxes overlap the more, the longer they are: they err alike
     longer = np.sqrt(half_u / usual_m)
     box[S_V], box[S_Z] = longer * box[S_V], longer * box[S_Z]
@@ -214,7 +215,7 @@ def box_cell_at(span: IntArray, x: float, y: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _kerb_over(
+def kerb_in_window(
     data: FloorCells,
     place: tuple[float, float],
     floor: LocalFloor,
@@ -269,12 +270,14 @@ def _kerb_over(
     if is_long and not rises_throughout(work, n, step, scale, half_u):
         return BOX_ELSEWHERE
     filled_shares(work, n, step, scale, half_u, share)
+    if not is_kerb(step, share, floor, limits):
+        return BOX_NO_ROAD
+    if is_long:
+        follow_bend(work, n, first, scale, half_u, step)
     vx, vy, foot = step[STEP_VX], step[STEP_VY], step[STEP_FOOT]
     low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
-    if not is_kerb(step, share, floor, limits):
-        return BOX_NO_ROAD
     write_kerb(step, share, plane, (x + mx, y + my), 0.5 * (low + high), scale, box)
     return BOX_FOUND
 

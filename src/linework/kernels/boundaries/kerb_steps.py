@@ -61,6 +61,9 @@ KERB_REACH_V = 0.40
 #: Smallest clearness of a step: three more unknowns explain this many noise variances by chance once in 10 000
 #: places (chi-squared).
 CLEAR_STEP = 21.0
+#: The same in longer windows. On noise alone (120 points a square metre) each of the two exceeds a clearness at twice as
+#: many places as the usual window does, as more of their directions differ: five tries share the one place in 10 000.
+CLEAR_LONG_STEP = 24.5
 #: How far an upright kerb's face leans back per metre of height, and its standard deviation (DIN 483: 1:10 to 1:5;
 #: flat kerbs lean by 1).
 LEAN, LEAN_SIGMA = 0.15, 0.25
@@ -110,6 +113,7 @@ def best_step(
     step = PROFILE_BIN_M * scale
     is_long = half_u > HALF_LENGTH_M * scale
     turns, same = (LONG_TURNS, SAME_TURN) if is_long else (KERB_TURNS, SAME_FRAME)
+    least = CLEAR_LONG_STEP if is_long else CLEAR_STEP
     half = int(KERB_REACH_V / step) + 1
     out[CLEAREST_VX], out[CLEAREST_VY] = frame
     out[CLEAREST_CLEAR] = 0.0
@@ -124,7 +128,7 @@ def best_step(
             if clear > out[CLEAREST_CLEAR]:
                 out[CLEAREST_VX], out[CLEAREST_VY], out[CLEAREST_CLEAR], out[CLEAREST_V] = x, y, clear, v
                 out[CLEAREST_BELOW], out[CLEAREST_ABOVE], out[CLEAREST_NOISE] = below, above, noise
-        if out[CLEAREST_CLEAR] < (0.5 * CLEAR_STEP if stage == 0 else CLEAR_STEP):
+        if out[CLEAREST_CLEAR] < (0.5 * least if stage == 0 else least):
             return False
         if stage > 0 and beside_cell(out[CLEAREST_VX], out[CLEAREST_VY], out[CLEAREST_V]):
             return False
