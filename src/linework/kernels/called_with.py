@@ -155,8 +155,10 @@ paint.paint_points.sort_into_cells = paint
     f8:2C! f4:1C! f8:1C! f8:1C i4:1C i8
 paint.rhythm.best_rhythm = paint pairs
     b1:1C f8 (f8,f8) (f8,f8,f8) (f8,f8) f8
+paint.stripes_ahead.cells_ahead = paint
+    f8:2C i8:1C (f8,i8,i8,i8,i8) f8:2C b1:1C f8
 paint.stripes_all.all_stripes = paint
-    f8:2C i8:1C (f8,i8,i8,i8,i8) i8:1C f8:2C f8
+    f8:2C i8:1C (f8,i8,i8,i8,i8) i8:1C f8:2C f8:1C f8
 radon.corridor.find_beam_starts = rails
     f8:2C i8:1C i8 i8 f8 f8:2C f8:1C radon.corridor.BeamShape(f8,f8,f8,f8,f8,f8,f8,f8,f8) f8:2C
 radon.follow.follow_sheets = rails

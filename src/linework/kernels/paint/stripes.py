@@ -111,6 +111,7 @@ def stripes_in_area(
     levels: tuple[float, float],
     cell: tuple[float, float, float, float],
     least_t: float,
+    angle: float,
     out: FloatArray,
 ) -> tuple[int, int]:
     """Find the stripes of a search area that pass through a cell.
@@ -128,6 +129,8 @@ def stripes_in_area(
         West, south, east and north edge from the middle of the search area. [m]
     least_t
         Smallest t-value of a band, see `stripes_across`.
+    angle
+        Direction of the stripes [rad]; NaN: that of the points.
     out
         (4, 24) output, a row for each stripe; places are from the middle of the search area.
 
@@ -140,7 +143,8 @@ def stripes_in_area(
     for i in range(n):
         scaled = (work[i, POINT_INTENSITY] - dark) / (bright - dark)
         work[i, POINT_INTENSITY] = min(max(scaled, DARKEST), BRIGHTEST)
-    angle = direction(work, n, radius)
+    if math.isnan(angle):
+        angle = direction(work, n, radius)
     edges = np.empty((MOST_STRIPES, BAND_COLUMNS))
     m = stripes_across(work, n, angle, radius, least_t, edges)
     axes = (math.cos(angle), math.sin(angle))

@@ -113,6 +113,7 @@ def stripes_at(
     place: tuple[float, float],
     cell: tuple[float, float, float, float],
     least_t: float,
+    angle: float,
     work: FloatArray,
     out: FloatArray,
 ) -> tuple[int, int, FloatArray]:
@@ -128,6 +129,8 @@ def stripes_at(
         West, south, east and north edge. [m, from the local origin]
     least_t
         Smallest t-value, see `linework.kernels.paint.stripe_search.stripes_across`.
+    angle
+        Direction of the stripes [rad]; NaN: that of the points.
     work
         (k, 5) scratch.
     out
@@ -157,7 +160,7 @@ def stripes_at(
         if not bright > dark:
             why = NO_BRIGHT
             continue
-        number, why = stripes_in_area(work, n, radius, (dark, bright), box, least_t, out)
+        number, why = stripes_in_area(work, n, radius, (dark, bright), box, least_t, angle, out)
         for k in range(number):
             out[k, STRIPE_X] += x
             out[k, STRIPE_Y] += y
@@ -173,6 +176,7 @@ def all_stripes(
     lattice: tuple[float, int, int, int, int],
     cells: IntArray,
     places: FloatArray,
+    angles: FloatArray,
     least_t: float,
 ) -> FloatArray:
     """Return the stripes of all cells in the cells' order, (m, 24): see `linework.kernels.paint.stripes`.
@@ -183,6 +187,8 @@ def all_stripes(
         (n, 5), (n_cells + 1,): see `linework.kernels.paint.paint_points.sort_into_cells`.
     cells, places
         (k,) cells with bright points, and (k, 2) the middle of each one's search area [m, from the local origin].
+    angles
+        (k,) direction of the stripes in each cell [rad]; NaN: that of the points.
     least_t
         Smallest t-value, see `linework.kernels.paint.stripe_search.stripes_across`.
     """
@@ -195,7 +201,7 @@ def all_stripes(
         row, col = cells[k] // n_cols + south, cells[k] % n_cols + west
         cell = (col * size, row * size, (col + 1) * size, (row + 1) * size)
         place = (places[k, 0], places[k, 1])
-        number, _, work = stripes_at(points, starts, lattice, place, cell, least_t, work, some)
+        number, _, work = stripes_at(points, starts, lattice, place, cell, least_t, angles[k], work, some)
         for j in range(number):
             # Half open: a centre on the northern or eastern edge belongs to another cell
             if np.floor(some[j, STRIPE_X] / size) != col or np.floor(some[j, STRIPE_Y] / size) != row:

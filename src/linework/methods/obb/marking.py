@@ -10,17 +10,18 @@ from the two edges of the paint, fitted to the intensity of all the points aroun
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.paint import paint_points, stripes
+from linework.kernels.paint.stripes_ahead import cells_ahead
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.methods.obb.kerbs_and_edges import local_origin_of
 from linework.methods.obb.own_paint import IS_PAINT
-from linework.methods.tracking.fitted import PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
+from linework.methods.tracking.fitted import LEAST_PIECE_SCORE, PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
@@ -30,12 +31,18 @@ from linework.model.tile import TileData
 
 #: Side of the cells; each holds one box of a stripe. [m]
 MARKING_CELL_M = 0.5
+#: Cells that a stripe is followed into, beyond those with bright points: 3, 4 and 8 gave no more (seeds 8301 to 8305).
+CELLS_AHEAD = 2
 #: A box depends on the points within this of its cell only: the largest search area reaches 3.5 m. [m]
-MARKING_REACH_M = 4.0
+MARKING_REACH_M = 4.0 + CELLS_AHEAD * MARKING_CELL_M
 #: Share of the points of a road without paint that are 2.5 standard deviations above its level, texture included.
 _CHANCE = 0.02
 #: Smallest t-value of a band in the profile across a search area that is fitted.
 LEAST_T = 4.0
+#: A stripe goes on as it was, but for the error of a box: offset [m], and cosine of the angle (10 degrees).
+_GOES_ON_M, _GOES_ON = 0.06, 0.985
+#: Share of the usual excess of paint over the road that is enough where a stripe goes on.
+_EXCESS_AHEAD = 0.5
 #: Largest height of a step under paint, as such and in its standard deviations: kerbs are 2.5 cm high and more. [m]
 _FLAT_M, _FLAT_SIGMAS = 0.025, 3.0
 #: Narrowest stripe [m]; shortest stripe over its width; spacing of the points up to which width is not blurred [m].
@@ -143,6 +150,8 @@ def find_marking_boxes(
 ) -> BoxSet:
     """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 
+    Behind them come those of stripes that go on into cells without a sure one, see `CELLS_AHEAD`.
+
     A box depends only on the points within `MARKING_REACH_M` of its cell, in the order in which the tile has them.
 
     Parameters
@@ -165,13 +174,67 @@ def find_marking_boxes(
     else:
         bright = _count_paint(paint)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
-    inside = np.any([_touches(core, origin, cells, paint.lattice) for core in cores or (tile.core,)], axis=0)
+    # A stripe that goes on into a core may begin outside of it
+    ahead_m = CELLS_AHEAD * MARKING_CELL_M if probability is None else 0.0
+    wanted = [core.grown(ahead_m) for core in cores or (tile.core,)]
+    inside = np.any([_touches(core, origin, cells, paint.lattice) for core in wanted], axis=0)
     cells, places = cells[inside], places[inside]
     # Direction, edges and extent of the stripes in each
-    found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)
+    unknown = np.full(len(cells), np.nan)
+    found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, unknown, LEAST_T)
+    ahead = list[FloatArray]() if probability is not None else _stripes_ahead(paint, found, config)
     if probability is not None:
         found = _as_intensities(found, config)
-    return marking_box_set(found, config, has_time=tile.points.time_s is not None)
+    has_time, faint = tile.points.time_s is not None, _fainter(config)
+    return BoxSet.concatenate([
+        marking_box_set(found, config, has_time=has_time),
+        *[marking_box_set(part, faint, has_time=has_time) for part in ahead],
+    ])  # fmt: skip
+
+
+def _stripes_ahead(paint: PaintPoints, found: FloatArray, config: MarkingConfig) -> list[FloatArray]:
+    """Return the stripes in the next cells along others (m, 24) that hold no sure one: (k, 24) for each step.
+
+    Where place and direction are known worn paint shows in the mean of its points, if hardly one of them is bright.
+    """
+    searched = np.zeros(len(paint.starts) - 1, dtype=np.bool_)
+    last, faint = found[_is_line_of_paint(found, config)], _fainter(config)
+    searched[_cells_of(last, paint.lattice)] = True
+    grown = list[FloatArray]()
+    for _ in range(CELLS_AHEAD):
+        ahead, places, behind = cells_ahead(paint.rows, paint.starts, paint.lattice, last, searched, LEAST_T)
+        angles = np.arctan2(last[behind, stripes.STRIPE_UY], last[behind, stripes.STRIPE_UX])
+        new = all_stripes(paint.rows, paint.starts, paint.lattice, ahead, places, angles, LEAST_T)
+        searched[ahead] = True
+        before = last[behind[np.searchsorted(ahead, _cells_of(new, paint.lattice))]]
+        step = new - before
+        ux, uy = before[:, stripes.STRIPE_UX], before[:, stripes.STRIPE_UY]
+        across = step[:, stripes.STRIPE_Y] * ux - step[:, stripes.STRIPE_X] * uy
+        cosine = new[:, stripes.STRIPE_UX] * ux + new[:, stripes.STRIPE_UY] * uy
+        goes_on = (np.abs(across) <= _GOES_ON_M) & (np.abs(cosine) >= _GOES_ON)
+        last = new[goes_on & _is_line_of_paint(new, faint)]
+        grown.append(last)
+    return grown
+
+
+def _cells_of(found: FloatArray, lattice: tuple[float, int, int, int, int]) -> IntArray:
+    """Return the cells that the centres of stripes (m, 24) lie in, (m,)."""
+    size, south, west, _, n_cols = lattice
+    col, row = np.floor(found[:, [stripes.STRIPE_X, stripes.STRIPE_Y]] / size).astype(np.int64).T
+    return np.asarray((row - south) * n_cols + col - west)
+
+
+def _fainter(config: MarkingConfig) -> MarkingConfig:
+    """Return the settings for stripes ahead of others."""
+    return replace(config, least_contrast=1.0 + _EXCESS_AHEAD * (config.least_contrast - 1.0))
+
+
+def _is_line_of_paint(found: FloatArray, config: MarkingConfig) -> BoolArray:
+    """Return which stripes (m, 24) are more likely paint than not, as bright as that, and as wide as lines are, (m,)."""
+    width = 2.0 * found[:, stripes.STRIPE_HALF_V]
+    is_line: BoolArray = (width >= _NARROWEST_M) & (width <= config.widest_line_m)
+    is_bright = found[:, stripes.STRIPE_BRIGHT] >= config.least_contrast * found[:, stripes.STRIPE_DARK]
+    return is_line & is_bright & (_chance_of_paint(found) >= LEAST_PIECE_SCORE)
 
 
 def _count_paint(paint: PaintPoints) -> FloatArray:
