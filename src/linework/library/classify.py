@@ -235,9 +235,9 @@ def classify_recordings(
     record: dict[str, Any] = {}
     with contextlib.ExitStack() as held:
         run = held.enter_context(run_folder(work, folder, described))
-        n_workers = workers or usable_cores()
-        n_points = opened.facts.n_points if opened.facts.n_points >= _WORTH_PROCESSES else 0
-        executor = held.enter_context(executor_for(n_points, n_workers, settings))
+        is_large = opened.facts.n_points >= _WORTH_PROCESSES
+        n_workers = (workers or usable_cores()) if is_large else 1
+        executor = held.enter_context(executor_for(opened.facts.n_points, n_workers, settings))
         surface = surface_of(opened, settings.road, executor, steps)
         with steps.step("look around points", unit="tiles") as advance:
             tiles = make_tiles(opened, surface, lines, run.results, executor, advance)

@@ -7,7 +7,10 @@ import pytest
 from tests.scenes.paint_scenes import EAST_M, NORTH_M, Stripe, in_scene, level_surface, road_points, tile_of
 
 from linework.arrays import FloatArray
+from linework.kernels.paint.stripes import STRIPE_HALF_V, STRIPE_UX, STRIPE_UY, STRIPE_X, STRIPE_Y
+from linework.kernels.paint.stripes_ahead import t_ahead
 from linework.methods.obb import marking
+from linework.methods.obb.kerbs_and_edges import local_origin_of
 from linework.methods.obb.marking import MARKING_REACH_M, MarkingConfig, find_marking_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
@@ -39,6 +42,34 @@ def test_worn_paint_is_followed_from_the_crisp_paint_before_it(monkeypatch: pyte
 def test_a_stripe_that_ends_is_followed_no_further() -> None:
     boxes = find_marking_boxes(road_with(CRISP), level_surface(), MarkingConfig())
     assert sure_along(boxes).max() < 6.0
+
+
+def test_paint_that_is_measured_along_its_line_counts_once() -> None:
+    """The first look's box on the same paint in the same cell goes; what lies beside, across or elsewhere stays."""
+    places = [(0.20, 0.25, 0.0), (0.30, 0.26, 0.05), (0.25, 0.40, 0.0), (0.25, 0.25, 1.57), (0.75, 0.25, 0.0)]
+    found, lattice = np.zeros((len(places), 24)), (0.5, 0, 0, 4, 4)
+    for row, (x, y, turn) in zip(found, places, strict=True):
+        row[[STRIPE_X, STRIPE_Y, STRIPE_UX, STRIPE_UY]] = x, y, np.cos(turn), np.sin(turn)
+    grown = np.concatenate([found[[2]], found[[0]]])
+    assert marking._measured_again(found, grown[1:], lattice).tolist() == [True, True, False, False, False]
+    assert marking._measured_again(found, grown, lattice).tolist() == [True, True, True, False, False]
+    assert not marking._measured_again(found, found[:0], lattice).any()
+
+
+def test_the_mean_ahead_tells_paint_from_bare_road() -> None:
+    """Against noise: near zero on bare road, clear on worn paint, none where there are too few points."""
+    for stripes, low, high in (((CRISP,), -4.0, 4.0), ((CRISP, WORN), 6.0, np.inf)):
+        tile = road_with(*stripes)
+        surface = level_surface()
+        paint = marking.PaintPoints.of(tile.points, surface, local_origin_of(tile), MarkingConfig(), None)
+        found = find_marking_boxes(road_with(CRISP), surface, MarkingConfig())
+        last = found.take([int(np.argmax(in_scene(found.centre)[:, 0]))])
+        row = np.zeros(24)
+        row[[STRIPE_X, STRIPE_Y]] = last.centre[0, :2]
+        row[[STRIPE_UX, STRIPE_UY, STRIPE_HALF_V]] = 1.0, 0.0, 0.06
+        assert low < t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0) < high
+        row[STRIPE_Y] += 1000.0
+        assert t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0) == 0.0
 
 
 @pytest.mark.parametrize("west_m", [1.5, 5.55, 6.05, 6.55, 7.05, 7.55, 8.05])

@@ -42,6 +42,8 @@ class _OnlyVersion(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # of the import system, which asks what a module is
             raise AttributeError(name)
+        if sys.modules.get(self.__name__) is self:
+            del sys.modules[self.__name__]
         return getattr(import_module(self.__name__), name)
 
 

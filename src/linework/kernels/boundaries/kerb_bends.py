@@ -137,7 +137,7 @@ def bend_of(work: FloatArray, n: int, step: FloatArray, half_u: float) -> tuple[
 
 @njit(cache=True, nogil=True)
 def unbend(work: FloatArray, n: int, step: FloatArray, bend_m: float, half_u: float) -> None:
-    """Move the points of a place along v so that a step with this bend is straight, and as far from them on average.
+    """Move the points of a place along v so that a step with this bend is straight, at the mean of the bent one.
 
     Parameters as for `bend_of`; bend_m: see there.
     """

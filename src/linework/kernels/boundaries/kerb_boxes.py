@@ -13,6 +13,7 @@ from numba import njit
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.boundaries.kerb_bends import follow_bend
 from linework.kernels.boundaries.kerb_steps import (
+    CLEAR_LONG_STEP,
     CLEAR_STEP,
     CLEAREST_ABOVE,
     CLEAREST_BELOW,
@@ -234,6 +235,7 @@ def kerb_in_window(
     x, y = place
     n, scale, half_u = area
     is_long = half_u > HALF_LENGTH_M * scale
+    least_clear = CLEAR_LONG_STEP if is_long else CLEAR_STEP
     share, first, plane = np.zeros(COVER_COLUMNS), np.zeros(CLEAREST_COLUMNS), floor.plane.copy()
     found, tried = False, np.zeros((MOST_TRIED, 2))
     for k in (CHANNEL_HEIGHT, RISE):
@@ -248,7 +250,7 @@ def kerb_in_window(
                 turn = 0.25 * np.pi * k
                 found = best_step(work, n, (np.cos(turn), np.sin(turn)), scale, half_u, sums, tried, first)
     if not found:
-        return BOX_ALL_ROAD if first[CLEAREST_CLEAR] < CLEAR_STEP else BOX_ELSEWHERE
+        return BOX_ALL_ROAD if first[CLEAREST_CLEAR] < least_clear else BOX_ELSEWHERE
     if first[CLEAREST_ABOVE] - first[CLEAREST_BELOW] < PROFILE_SHARE * limits.least_step:
         return BOX_ALL_ROAD
     vx, vy, v = first[CLEAREST_VX], first[CLEAREST_VY], first[CLEAREST_V]

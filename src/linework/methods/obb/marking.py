@@ -185,6 +185,8 @@ def find_marking_boxes(
     ahead = list[FloatArray]() if probability is not None else _stripes_ahead(paint, found, config)
     if probability is not None:
         found = _as_intensities(found, config)
+    # What the first look was unsure of and is measured along its line counts once
+    found = found[~_measured_again(found, np.concatenate([found[:0], *ahead]), paint.lattice)]
     has_time, faint = tile.points.time_s is not None, _fainter(config)
     return BoxSet.concatenate([
         marking_box_set(found, config, has_time=has_time),
@@ -207,14 +209,32 @@ def _stripes_ahead(paint: PaintPoints, found: FloatArray, config: MarkingConfig)
         new = all_stripes(paint.rows, paint.starts, paint.lattice, ahead, places, angles, LEAST_T)
         searched[ahead] = True
         before = last[behind[np.searchsorted(ahead, _cells_of(new, paint.lattice))]]
-        step = new - before
-        ux, uy = before[:, stripes.STRIPE_UX], before[:, stripes.STRIPE_UY]
-        across = step[:, stripes.STRIPE_Y] * ux - step[:, stripes.STRIPE_X] * uy
-        cosine = new[:, stripes.STRIPE_UX] * ux + new[:, stripes.STRIPE_UY] * uy
-        goes_on = (np.abs(across) <= _GOES_ON_M) & (np.abs(cosine) >= _GOES_ON)
-        last = new[goes_on & _is_line_of_paint(new, faint)]
+        last = new[_goes_on(new, before) & _is_line_of_paint(new, faint)]
         grown.append(last)
     return grown
+
+
+def _goes_on(found: FloatArray, before: FloatArray) -> BoolArray:
+    """Return which stripes (m, 24) lie on the lines along others (m, 24), (m,)."""
+    step = found - before
+    ux, uy = before[:, stripes.STRIPE_UX], before[:, stripes.STRIPE_UY]
+    across = step[:, stripes.STRIPE_Y] * ux - step[:, stripes.STRIPE_X] * uy
+    cosine = found[:, stripes.STRIPE_UX] * ux + found[:, stripes.STRIPE_UY] * uy
+    return np.asarray((np.abs(across) <= _GOES_ON_M) & (np.abs(cosine) >= _GOES_ON))
+
+
+def _measured_again(
+    found: FloatArray, grown: FloatArray, lattice: tuple[float, int, int, int, int]
+) -> BoolArray:
+    """Return which stripes (m, 24) are the paint of one (k, 24) that goes on into their cell, (m,)."""
+    own, others = _cells_of(found, lattice), _cells_of(grown, lattice)
+    order = np.argsort(others, kind="stable")
+    first, stop = (np.searchsorted(others[order], own, side) for side in ("left", "right"))
+    again = np.zeros(len(found), dtype=np.bool_)
+    for k in range(int((stop - first).max(initial=0))):
+        rows = np.flatnonzero(first + k < stop)
+        again[rows] |= _goes_on(found[rows], grown[order[first[rows] + k]])
+    return again
 
 
 def _cells_of(found: FloatArray, lattice: tuple[float, int, int, int, int]) -> IntArray:

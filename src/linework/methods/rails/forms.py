@@ -33,9 +33,8 @@ from linework.methods.rails.stretches import near_chosen
 
 #: Stations between two windows: a third of a window's length. [stations]
 _EVERY = 4
-#: Windows to either side that tell the outline of bars together, 30 m: the strands of a line of bars are that long. The
-#: dozen points a metre of a board explain a pipe almost as well; over 12 m, chance made 15 m of a fence pipes. [windows]
-_BESIDE = 15
+#: Windows to either side that tell the outline of bars together: two that share no points with this one. [windows]
+_BESIDE = 6
 #: Height above a tried edge that is to be clear: that of the kernel. [m]
 _CLEAR_M = 0.10
 #: Most of a beam that its edge is found by: a crest and a half of a folded one. [m]

@@ -308,7 +308,7 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
 def _rarity(
     weight: FloatArray, height: FloatArray, u: FloatArray, sizes: tuple[float, float, float], pipe: OutlineFit
 ) -> float:
-    """Return how rare the points (heights, widths) of a pipe are [nats]; those of a square tube are no less so."""
+    """Return how rare the points (heights, widths) of a pipe are [nats]; a square tube is charged alike."""
     row, column = np.nonzero(weight)
     points = np.column_stack([weight[row, column], u[column], height[row]])
     return float(outlines.pipe_rarity(points, pipe.axis_m, sizes, _ELEVATIONS_RAD))
