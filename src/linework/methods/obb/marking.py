@@ -226,7 +226,7 @@ def _goes_on(found: FloatArray, before: FloatArray) -> BoolArray:
 def _measured_again(
     found: FloatArray, grown: FloatArray, lattice: tuple[float, int, int, int, int]
 ) -> BoolArray:
-    """Return which stripes (m, 24) are the paint of one (k, 24) that goes on into their cell, (m,)."""
+    """Return which stripes (m, 24) lie on one (k, 24) in their cell that was found ahead of another, (m,)."""
     own, others = _cells_of(found, lattice), _cells_of(grown, lattice)
     order = np.argsort(others, kind="stable")
     first, stop = (np.searchsorted(others[order], own, side) for side in ("left", "right"))
