@@ -52,7 +52,7 @@ def _only_versions(*names: str) -> Iterator[None]:
     """Have packages imported as their versions only; those that are loaded or missing stay so."""
     hidden = {}
     for name in names:
-        with contextlib.suppress(metadata.PackageNotFoundError):
+        with contextlib.suppress(ModuleNotFoundError):
             if name not in sys.modules and find_spec(name) is not None:
                 hidden[name] = sys.modules[name] = _OnlyVersion(name)
     try:
