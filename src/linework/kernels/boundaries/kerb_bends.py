@@ -50,7 +50,7 @@ MEAN_SQUARE = 1.0 / 3.0
 def follow_bend(
     work: FloatArray, n: int, first: FloatArray, scale: float, half_u: float, step: FloatArray
 ) -> None:
-    """Measure a step in a long window again as if its bend were none, and move it to where it is in the middle.
+    """Measure a step in a long window again with its bend taken out, and move it to where it is in the middle.
 
     The standard deviation of the foot takes in that of the bend. What cannot be measured once it is unbent stays straight.
 

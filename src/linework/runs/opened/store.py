@@ -250,7 +250,7 @@ def executor_for(
     has_images: bool = False,
     has_own_code: bool = False,
 ) -> Iterator[Executor]:
-    """Open the executor of a run: threads for a survey of one tile, else worker processes, started now.
+    """Open the executor of a run: worker processes, started now; for a survey of one tile threads, or one task at a time.
 
     Parameters
     ----------
