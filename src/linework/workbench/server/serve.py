@@ -233,8 +233,9 @@ def _worker(order: SurveyOrder) -> Iterator[SurveyWorker]:
 
 #: The only address to listen on: the workbench is not for the network.
 HOST = "127.0.0.1"
-#: First port, and number, of those not assigned to any service (RFC 6335, section 6).
-_FIRST_PORT, _N_PORTS = 49152, 16384
+#: First port, and number, of those that are neither assigned to a service (49152 and up: RFC 6335, section 6) nor
+#: handed out by Linux to outgoing connections (32768 to 60999), one of which may hold the port of a survey by chance.
+_FIRST_PORT, _N_PORTS = 61_000, 4_536
 
 
 def usual_port(survey: Path) -> int:
