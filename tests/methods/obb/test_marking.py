@@ -230,5 +230,20 @@ def test_without_intensities_there_are_no_boxes(rng: np.random.Generator) -> Non
     assert len(boxes_in(xyz, np.full_like(intensity, 7.0))) == 0
 
 
+@pytest.mark.parametrize("zero", [0.0, 4_000.0, 30_000.0])
+def test_the_zero_of_the_intensities_does_not_matter(rng: np.random.Generator, zero: float) -> None:
+    """With 30,000 counts added, paint of twice the road's 1,000 is 1.03 times as bright as the road."""
+    xyz, intensity = road_points(rng, [SLANTED])
+    boxes = sure(boxes_in(xyz, intensity + np.float32(zero)))
+    assert len(boxes) >= 22
+    assert np.abs(SLANTED.across(in_scene(boxes.centre))).max() < 0.01
+
+
+def test_a_contrast_may_be_asked_for(rng: np.random.Generator) -> None:
+    points = road_points(rng, [SLANTED])
+    assert len(sure(boxes_in(*points, least_contrast=1.8))) >= 22
+    assert len(sure(boxes_in(*points, least_contrast=2.3))) == 0
+
+
 def test_plain_road_has_next_to_no_boxes(rng: np.random.Generator) -> None:
     assert len(sure(boxes_in(*road_points(rng, [])))) <= 1

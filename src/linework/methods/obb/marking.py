@@ -10,7 +10,7 @@ from the two edges of the paint, fitted to the intensity of all the points aroun
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
@@ -42,9 +42,6 @@ _CHANCE = 0.02
 LEAST_T = 4.0
 #: A stripe goes on as it was, but for the error of a box: offset [m], and cosine of the angle (10 degrees).
 _GOES_ON_M, _GOES_ON = 0.06, 0.985
-#: Share of the usual excess of paint over the road that is enough where a stripe goes on: set on simulated roads that were
-#: looked at (2026-11-27, decision 100), where the whole of it found 11 m less on gore 8301.
-_EXCESS_AHEAD = 0.5
 #: Largest height of a step under paint, as such and in its standard deviations: kerbs are 2.5 cm high and more. [m]
 _FLAT_M, _FLAT_SIGMAS = 0.025, 3.0
 #: Narrowest stripe [m]; shortest stripe over its width; spacing of the points up to which width is not blurred [m].
@@ -74,9 +71,9 @@ class MarkingConfig(Settings):
         high=1,
     )
     least_contrast: float = setting(
-        1.15,
+        1.0,
         unit="",
-        reason="paint over road; new asphalt 5 to 10, worn paint on concrete 1.3",
+        reason="paint over road, beyond what noise allows; intensities with an unknown zero show paint at 1.1",
         low=1,
         high=10,
     )
@@ -190,11 +187,8 @@ def find_marking_boxes(
     # What the first look was unsure of and is measured along its line counts once
     grown = np.concatenate([found[:0], *ahead])
     found = found[~_measured_again(found, grown[_is_flat(grown)], paint.lattice)]
-    has_time, faint = tile.points.time_s is not None, _fainter(config)
-    return BoxSet.concatenate([
-        marking_box_set(found, config, has_time=has_time),
-        *[marking_box_set(part, faint, has_time=has_time) for part in ahead],
-    ])  # fmt: skip
+    has_time = tile.points.time_s is not None
+    return BoxSet.concatenate([marking_box_set(part, config, has_time=has_time) for part in (found, *ahead)])
 
 
 def _stripes_ahead(paint: PaintPoints, found: FloatArray, config: MarkingConfig) -> list[FloatArray]:
@@ -203,7 +197,7 @@ def _stripes_ahead(paint: PaintPoints, found: FloatArray, config: MarkingConfig)
     Where place and direction are known, worn paint shows in the mean of its points even if hardly one of them is bright.
     """
     searched = np.zeros(len(paint.starts) - 1, dtype=np.bool_)
-    last, faint = found[_is_line_of_paint(found, config)], _fainter(config)
+    last = found[_is_line_of_paint(found, config)]
     searched[_cells_of(last, paint.lattice)] = True
     grown = list[FloatArray]()
     for _ in range(CELLS_AHEAD):
@@ -212,7 +206,7 @@ def _stripes_ahead(paint: PaintPoints, found: FloatArray, config: MarkingConfig)
         new = all_stripes(paint.rows, paint.starts, paint.lattice, ahead, places, angles, LEAST_T)
         searched[ahead] = True
         before = last[behind[np.searchsorted(ahead, _cells_of(new, paint.lattice))]]
-        last = new[_goes_on(new, before) & _is_line_of_paint(new, faint)]
+        last = new[_goes_on(new, before) & _is_line_of_paint(new, config)]
         grown.append(last)
     return grown
 
@@ -245,11 +239,6 @@ def _cells_of(found: FloatArray, lattice: tuple[float, int, int, int, int]) -> I
     size, south, west, _, n_cols = lattice
     col, row = np.floor(found[:, [stripes.STRIPE_X, stripes.STRIPE_Y]] / size).astype(np.int64).T
     return np.asarray((row - south) * n_cols + col - west)
-
-
-def _fainter(config: MarkingConfig) -> MarkingConfig:
-    """Return the settings for stripes ahead of others."""
-    return replace(config, least_contrast=1.0 + _EXCESS_AHEAD * (config.least_contrast - 1.0))
 
 
 def _is_flat(found: FloatArray) -> BoolArray:
