@@ -37,6 +37,7 @@ from linework.methods.tracking.arrangement import (
     along_lines,
     behind_boundaries,
     beside_kerb,
+    between_kerbs,
     bounds_carriageway,
     facing,
     has_road_behind,
@@ -214,6 +215,8 @@ def keep_consistent(now: Joining) -> Joining:
     is_sure = is_kerb | np.array(
         [b.confidence >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
     )
+    # There is paint on both sides of a line between two kerbs
+    is_sure &= ~between_kerbs(axes_of_lines(boundaries), is_kerb)
     # Behind a kerb there is no carriageway over some width; behind an edge there may be another one, but not close
     # behind; and a change of the ground has a stone beside it at most
     width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))

@@ -149,6 +149,29 @@ def outweighed(
     return why.astype(np.str_)
 
 
+def between_kerbs(axes: Sequence[LineAxis], is_kerb: BoolArray) -> BoolArray:
+    """Return which boundaries without a kerb lie on the carriageway of two kerbs that face each other, (m,) bool.
+
+    The next boundary behind such a line is a kerb with its carriageway towards the line, farther off than a gutter or a
+    footway; and so is the next kerb in front. Behind the edge of a median the next boundary faces away.
+
+    Parameters
+    ----------
+    axes
+        Boundaries, each with the carriageway to its left.
+    is_kerb
+        (m,) bool.
+    """
+    n = find_neighbours(axes, FACING_M)
+    own = ~is_kerb[n.line]
+    behind = nearest_per_station(n, own & (n.across_m < 0.0))
+    faces_back = behind & is_kerb[n.other] & (n.facing > 0.0) & (n.across_m < -SEAM_M)
+    ahead = nearest_per_station(n, own & (n.across_m > 0.0) & is_kerb[n.other])
+    faces_front = ahead & (n.facing < 0.0)
+    shares = [share_of_stations(n, chosen, axes) for chosen in (faces_back, faces_front)]
+    return np.asarray((shares[0] > _MOST) & (shares[1] > _MOST))
+
+
 def bounds_carriageway(
     axes: Sequence[LineAxis],
     is_kerb: BoolArray,
@@ -185,7 +208,10 @@ def bounds_carriageway(
     in_front = first & (is_lane | (n.facing < 0.0))
     behind = own & (n.across_m < 0.0) & ~kerb[n.line]
     sure = np.concatenate([is_sure, np.zeros(len(lanes), dtype=np.bool_)])
-    seam = behind & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
+    # Paint along a line between kerbs is on the carriageway, too
+    inside = np.concatenate([between_kerbs(axes, is_kerb), np.zeros(len(lanes), dtype=np.bool_)])
+    along = inside[n.line] & (np.abs(n.across_m) < BESIDE_KERB_M)
+    seam = (behind | along) & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
     gutter = behind & kerb[n.other] & (n.across_m > -WIDEST_GUTTER_M) & (n.facing > 0.0)
     every = [*axes, *lanes]
     good = share_of_stations(n, in_front, every)[:m] > _MOST
