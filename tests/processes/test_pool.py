@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from linework.errors import MachineError
+from linework.processes import executors
 from linework.processes.executors import Serial, Threads
 from linework.processes.pool import Processes
 
@@ -132,6 +133,20 @@ def test_threads_end_with_a_run_that_ends_early():
     with pytest.raises(KeyboardInterrupt):
         list(Threads(2).run(work, ["forever", "interrupted"]))
     assert threading.active_count() == before
+
+
+def test_threads_whose_tasks_are_done_are_not_stopped(monkeypatch):
+    # Stopped as it ends, a thread prints a traceback
+    do_tasks, stopped = executors._do_tasks, []
+
+    def ending_late(*given):
+        do_tasks(*given)
+        time.sleep(0.2)
+
+    monkeypatch.setattr(executors, "_do_tasks", ending_late)
+    monkeypatch.setattr(executors.ctypes.pythonapi, "PyThreadState_SetAsyncExc", lambda *a: stopped.append(a))
+    list(Threads(2).run(len, ["a", "b"]))
+    assert stopped == []
 
 
 def test_processes_end_with_their_parent_however_it_ends(work, tmp_path):

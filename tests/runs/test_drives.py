@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import linework
 from linework.cli.app import app
 from linework.evaluation.measures import match_lines, score
+from linework.files.las.tally import TimeCounts
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import write_trajectory
 from linework.model.lines import LineSet
@@ -18,7 +19,7 @@ from linework.runs.drives import adjusted as adjusted_module
 from linework.runs.drives import stores
 from linework.runs.drives.adjusted import adjusted_drives
 from linework.runs.drives.adjustment import DriveTies, adjusted_path
-from linework.runs.drives.separate import may_tie, separate_drives, share_road
+from linework.runs.drives.separate import may_tie, separate_drives, share_road, with_points
 from linework.runs.drives.stores import write_changed_store
 from linework.runs.drives.ties import meet_lines, tie_drives
 
@@ -81,6 +82,29 @@ def test_only_where_another_drive_passes_there_is_something_to_tie():
         near = may_tie(drive, drives, places)
         assert near.tolist() == [True, True, True, False, False, False]
     assert may_tie(drives[0], drives, places[:0]).tolist() == []
+
+
+def test_drives_share_no_road_where_one_has_measured_nothing():
+    there = ((0.0, 0.0), (1000.0, 0.0))
+    path = path_of(there, 60.0, ((0.0, 3.0), (1000.0, 3.0)))
+    whole, times = separate_drives(path), TimeCounts()
+    times.add(path.time_s[path.time_s < whole[1].time_s[0] + 20.0])
+    drives = with_points(whole, times)
+    assert [round(float(drive.xy[-1, 0])) for drive in drives] == [1000, 190]
+    places = np.array([[10.0, 5.0], [250.0, 0.0], [400.0, 0.0]])
+    for drive in drives:
+        assert may_tie(drive, drives, places).tolist() == [True, True, False]
+    # Nothing has to tie them there
+    part = [LineSet.from_lines([straight(y).xyz[:200]], kind=["lane_marking"]) for y in (5.0, 5.1)]
+    assert not adjusted_drives(whole, path, part).is_held
+    adjusted = adjusted_drives(drives, path, part, whole)
+    assert adjusted.is_held and len(adjusted.account.drives) == 2
+    # Poses without points are corrected as those of a whole drive are: ever less away from what ties them
+    ahead = adjusted.correction.at(whole[1].time_s[[10, 90]])
+    assert abs(ahead[1, 1]) < 0.05 * abs(ahead[0, 1])
+    times = TimeCounts()
+    times.add(path.time_s[path.time_s < whole[1].start_s])
+    assert not share_road(with_points(whole, times))
 
 
 # The correction
@@ -305,19 +329,45 @@ def test_a_killed_run_goes_on_with_the_drives_that_are_done(survey, adjusted, tm
 
 def test_the_points_of_a_drive_are_separated_once(survey, monkeypatch):
     scene, _ = survey
-    written = []
+    written, asked, beside = [], [], []
+    choose, find = adjusted_module.choose_methods, adjusted_module.find_lines
+
+    def choosing(method, kinds, **given):
+        asked.append(kinds)
+        return choose(method, kinds, **given)
+
+    def finding(recordings, methods, *given, **named):
+        beside.append(methods[0].beside_boundaries)
+        return find(recordings, methods, *given, **named)
+
+    monkeypatch.setattr(adjusted_module, "choose_methods", choosing)
+    monkeypatch.setattr(adjusted_module, "find_lines", finding)
+    assert linework.extract(scene.points, kinds=KINDS, trajectory=scene.path).report.adjusted
+    # Markings tie them all along, and no boundary is looked for to tell edge lines
+    assert asked == [("lane_marking", "lane_marking_dash")]
+    assert beside == [False, False, True]
+    monkeypatch.setattr(adjusted_module, "find_lines", find)
 
     def writing(store, folder, change, advance):
         written.append(folder)
         write_changed_store(store, folder, change, advance)
 
     monkeypatch.setattr(stores, "write_changed_store", writing)
-    # So that guardrails are looked for, too
+    # So that boundaries and guardrails are looked for, too
     monkeypatch.setattr(adjusted_module, "holds_all_along", lambda drives, ties: False)
     lines = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path)
     assert lines.report.adjusted.startswith("2 drives adjusted")
     # Either drive, then all points moved
     assert len(written) == 3
+    assert asked[1:] == [KINDS[:2], ("road_boundary", "kerb_top"), ("guardrail", "barrier")]
+
+
+def test_a_path_that_goes_on_without_points_ties_nothing(survey, monkeypatch):
+    scene, middle = survey
+    points, _ = scene.part(-np.inf, middle)
+    monkeypatch.setattr(adjusted_module, "choose_methods", lambda *a, **b: pytest.fail("ties are looked for"))
+    lines = linework.extract(points, kinds=("lane_marking_dash",), trajectory=scene.path, on_problem="warn")
+    assert lines.report.adjusted == ""
 
 
 def test_one_drive_is_extracted_as_without_adjustment(survey):

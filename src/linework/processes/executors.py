@@ -105,17 +105,20 @@ class Threads:
             threading.Thread(target=_do_tasks, args=(work, waiting, done), daemon=True)
             for _ in range(min(self.n_workers, len(tasks)))
         ]
+        n_left = len(tasks)
         try:
             for thread in threads:
                 thread.start()
-            for _ in tasks:
+            while n_left:
                 outcome = done.get()
                 if isinstance(outcome, BaseException):
                     raise outcome
+                n_left -= 1
                 yield outcome
         finally:
             for thread in threads:
-                if thread.ident is not None and thread.is_alive():
+                # One without a task ends by itself: stopped meanwhile it would say so on the error stream
+                if n_left and thread.ident is not None and thread.is_alive():
                     ctypes.pythonapi.PyThreadState_SetAsyncExc(
                         ctypes.c_ulong(thread.ident), ctypes.py_object(_StoppedError)
                     )

@@ -75,6 +75,18 @@ class TimeCounts:
             np.add.at(counts, at, part.counts)
         self.level, self.first, self.counts, self.low_s, self.high_s = level, first, counts, low, high
 
+    def measured_at(self, time_s: FloatArray) -> BoolArray:
+        """Return which times (n,) are of buckets with points, (n,) bool.
+
+        >>> counts = TimeCounts()
+        >>> counts.add(np.array([10.0, 12.0]))
+        >>> counts.measured_at(np.array([9.9, 10.9, 11.5, 12.5])).tolist()
+        [False, True, False, True]
+        """
+        at = (np.floor(time_s).astype(np.int64) >> self.level) - self.first
+        has_points = np.append(self.counts > 0, False)
+        return np.asarray(has_points[np.where((at >= 0) & (at < len(self.counts)), at, -1)])
+
     def share_within(self, start_s: float, end_s: float) -> float:
         """Return the share of the points measured from `start_s` to `end_s`.
 

@@ -75,6 +75,9 @@ class Obb:
         Evidence of paint instead of the intensity: the name of a column of the points with probabilities from 0
         to 1, or a function from `Points` near the road to such probabilities, see
         `linework.methods.obb.own_paint.paint_probability`. None: the intensity.
+    beside_boundaries
+        Whether boundaries are looked for to weigh markings against, though no boundary is asked for. Without them
+        markings take less than half of the time, and edge lines are not told from lane lines.
 
     Examples
     --------
@@ -90,6 +93,7 @@ class Obb:
     #: Paint and kerbs are on the ground: all points matter.
     least_height_m: float = -math.inf
     paint: str | PaintClassifier | None = None
+    beside_boundaries: bool = True
 
     @property
     def buffer_m(self) -> float:
@@ -244,4 +248,7 @@ class Obb:
     @property
     def _seeks_boundaries(self) -> bool:
         # Edge lines are told from lane lines by the boundary beside them
-        return any(kind in ("road_boundary", "kerb_top", "edge_other", "lane_marking") for kind in self.kinds)
+        wanting = {"road_boundary", "kerb_top", "edge_other"} | (
+            {"lane_marking"} if self.beside_boundaries else set()
+        )
+        return not wanting.isdisjoint(self.kinds)

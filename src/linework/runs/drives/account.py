@@ -13,7 +13,7 @@ class DriveAccount:
     Parameters
     ----------
     start_s, end_s
-        Of its poses. [s]
+        Of its poses at which points were measured. [s]
     n_ties
         Differences to other drives that it was tied by.
     correction_m

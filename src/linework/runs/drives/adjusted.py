@@ -18,8 +18,8 @@ from linework.files.output.journal import JournalEntry, open_journal
 from linework.files.output.parts import read_part, write_part
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import PUBLISHED_KINDS_OF
+from linework.methods.obb.method import Obb
 from linework.methods.protocol import Method
-from linework.methods.radon.method import RAIL_KINDS
 from linework.model.ground import Ground
 from linework.model.lines import LineSet
 from linework.model.points import Points
@@ -27,12 +27,12 @@ from linework.model.trajectory import Trajectory
 from linework.processes.executors import Executor, Serial
 from linework.runs.drives.account import DriveAccount, DrivesAccount
 from linework.runs.drives.adjustment import DriveTies, PathCorrection, adjusted_path
-from linework.runs.drives.separate import DriveSpan, may_tie, separate_drives, share_road
+from linework.runs.drives.separate import DriveSpan, may_tie, separate_drives, share_road, with_points
 from linework.runs.drives.stores import changed_points
 from linework.runs.drives.ties import (
     FIRST_REACH_M,
     LAST_REACH_M,
-    TIE_KINDS,
+    TIE_KINDS_IN_TURN,
     holds_all_along,
     meet_lines,
     tie_drives,
@@ -102,10 +102,10 @@ def find_lines_of_drives(
     Notes
     -----
     The lines of each drive are found on its own points, where another one passes. They tie the drives: across at lines,
-    in height, and along the road at dashes. Guardrails and barriers are looked for only where markings and boundaries leave
-    some of the shared road without a tie: across it theirs weigh a fifth of those at most. The points are moved by the
-    correction when they are written into a tile store of this run, from which
-    everything else follows as for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
+    in height, and along the road at dashes. Boundaries are looked for only where markings leave some of the shared road
+    without a tie, guardrails and barriers only where both do: across it theirs weigh a fifth of those at most. The points
+    are moved by the correction when they are written into a tile store of this run, from which everything else follows as
+    for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
     """
     chosen, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
     # The correction, and with it every line, must not depend on the tiles
@@ -132,29 +132,30 @@ def find_lines_of_drives(
     path = None if opened is None else opened.trajectory
     if opened is None or path is None or not opened.points.has_time:
         return found_in_all(recordings)
-    drives = separate_drives(path)
+    whole = separate_drives(path)
+    drives = with_points(whole, opened.facts.times)
     if not share_road(drives):
         return found_in_all(recordings)
-    named = choose_methods(
-        "auto", TIE_KINDS, radon=chosen.radon, obb=chosen.obb, stereo=chosen.stereo, paint=None
-    )
-    tying = [method for method in named if method.recording == "points"]
-    on_ground = [method for method in tying if not set(method.kinds) <= set(RAIL_KINDS)]
-
-    def lines_by(them: Sequence[Method], what: str) -> list[LineSet]:
-        by = partial(found_in, using=for_ties)
-        return [
-            _lines_of_drive(recordings, drives, i, them, run, what, by, steps) for i in range(len(drives))
+    by = partial(found_in, using=for_ties)
+    lines, adjusted = [LineSet.empty(recordings.survey.crs) for _ in drives], None
+    for kinds in TIE_KINDS_IN_TURN:
+        named = choose_methods(
+            "auto", kinds, radon=chosen.radon, obb=chosen.obb, stereo=chosen.stereo, paint=None
+        )
+        tying = [
+            replace(method, beside_boundaries=False) if isinstance(method, Obb) else method
+            for method in named
+            if method.recording == "points"
         ]
-
-    lines = lines_by(on_ground, "")
-    with steps.step("adjust drives"):
-        adjusted = adjusted_drives(drives, path, lines)
-    if adjusted is None or not adjusted.is_held:
-        standing = lines_by([method for method in tying if method not in on_ground], "-rails")
-        lines = [LineSet.concatenate(both) for both in zip(lines, standing, strict=True)]
+        more = [
+            _lines_of_drive(recordings, drives, i, tying, run, kinds[0], by, steps)
+            for i in range(len(drives))
+        ]
+        lines = [LineSet.concatenate(both) for both in zip(lines, more, strict=True)]
         with steps.step("adjust drives"):
-            adjusted = adjusted_drives(drives, path, lines)
+            adjusted = adjusted_drives(drives, path, lines, whole)
+        if adjusted is not None and adjusted.is_held:
+            break
     for i in range(len(drives)):
         shutil.rmtree(_drive_folder(run, i), ignore_errors=True)
     if adjusted is None:
@@ -165,23 +166,30 @@ def find_lines_of_drives(
 
 
 def adjusted_drives(
-    drives: tuple[DriveSpan, ...], path: Trajectory, lines: Sequence[LineSet]
+    drives: tuple[DriveSpan, ...],
+    path: Trajectory,
+    lines: Sequence[LineSet],
+    whole: Sequence[DriveSpan] = (),
 ) -> AdjustedDrives | None:
     """Return the correction that makes drives agree at their lines; None where they have no line in common.
 
     Parameters
     ----------
+    drives
+        Where they measured points.
     path
         Of all drives.
     lines
         Of each drive, found on its points alone.
+    whole
+        All drives of the path with all their poses, which are corrected too; none: `drives` are.
     """
     correction, ties, met = None, DriveTies.empty(), meet_lines(drives, lines)
     for reach_m in np.geomspace(FIRST_REACH_M, LAST_REACH_M, _N_ROUNDS).tolist():
         ties = tie_drives(drives, lines, met, correction, reach_m=reach_m)
         if not len(ties):
             return None
-        correction = adjusted_path(drives, path, ties)
+        correction = adjusted_path(whole or drives, path, ties)
     assert correction is not None
     left = ties.apart_m + np.sum(
         ties.normal * (correction.at(ties.other_s) - correction.at(ties.time_s)), axis=1
@@ -249,7 +257,7 @@ def _lines_of_drive(
     what: str, found_in: Any, steps: RunSteps,
 ) -> LineSet:  # fmt: skip
     """Return the lines of one drive where others pass; none where nothing can be looked at. what: is looked for."""
-    drive, folder, name = drives[number], _drive_folder(run, number), f"drive-{number}{what}"
+    drive, folder, name = drives[number], _drive_folder(run, number), f"drive-{number}-{what}"
     kept, entry = run.path / f"{name}.arrays", run.journal.done().get(name)
     done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
     if done is not None:
@@ -268,9 +276,9 @@ def _lines_of_drive(
     )
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:
-        results = folder / f"tiles{what}"
+        results = folder / f"tiles-{what}"
         results.mkdir(parents=True, exist_ok=True)
-        journal = open_journal(folder / f"journal{what}.sqlite")
+        journal = open_journal(folder / f"journal-{what}.sqlite")
         try:
             where = RunFolder(folder, results, journal, run.is_resumed)
             lines = found_in(replace(recordings, points=own, stereo=None), methods, where, None).lines

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
+from linework.files.las.tally import TimeCounts
 from linework.lines.along import runs_of
 from linework.model.trajectory import Trajectory
 
@@ -98,6 +99,29 @@ def separate_drives(path: Trajectory) -> tuple[DriveSpan, ...]:
         if own.any():
             spans.append(DriveSpan(start, end, time[own], xy[own]))
     return tuple(spans)
+
+
+def with_points(drives: Sequence[DriveSpan], times: TimeCounts) -> tuple[DriveSpan, ...]:
+    """Return drives with those of their poses only at which points were measured; drives without any are left out.
+
+    A trajectory is often that of a whole day, and the points those of a part of it: where a drive has measured nothing,
+    it ties nothing.
+
+    Examples
+    --------
+    >>> there = np.arange(0.0, 200.0, 5.0)
+    >>> path = Trajectory(np.arange(40.0), np.column_stack([there, np.zeros((40, 2))]))
+    >>> times = TimeCounts()
+    >>> times.add(np.arange(10.0, 20.0))
+    >>> with_points(separate_drives(path), times)[0].xy[[0, -1], 0].tolist()
+    [50.0, 95.0]
+    """
+    measured = [times.measured_at(drive.time_s) for drive in drives]
+    return tuple(
+        replace(drive, time_s=drive.time_s[own], xy=drive.xy[own])
+        for drive, own in zip(drives, measured, strict=True)
+        if own.any()
+    )
 
 
 def share_road(drives: tuple[DriveSpan, ...]) -> bool:

@@ -21,6 +21,9 @@ from linework.runs.drives.separate import LEAST_SHARED_M, SHARED_ROAD_M, DriveSp
 
 #: Kinds of line that tie drives: those that any drive measures at the same place. A fence or a hedge has no such place.
 TIE_KINDS = ("lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier")
+#: The same in the order in which they are looked for, until ties hold all along the road that drives share: markings are
+#: the sharpest for what they cost to be found.
+TIE_KINDS_IN_TURN = (TIE_KINDS[:2], TIE_KINDS[2:4], TIE_KINDS[4:])
 #: Kinds of which drives on either side measure different faces, and what that may make. [m]
 _FACED, _FACE_M = ("guardrail", "barrier"), 0.02
 #: Forms of rails whose upper edge moves by more than its standard deviation says (decision 66).
