@@ -57,7 +57,7 @@ export class TemplateMaker {
     this.nodes = [];
     this.name.value = "";
     this.element.hidden = false;
-    this.say(`Click the nodes beside the ${this.app.title(origin.line.kind).toLowerCase()} in the section, then name them.`);
+    this.say(`Click the nodes beside the ${this.app.title(origin.line.kind).toLowerCase()} in the section, then name them; ⤢ makes room.`);
     this.show();
     this.name.focus();
   }
