@@ -2,7 +2,7 @@
 
 import type {
   Changed, Edit, EditRecord, Evidence, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair, PairLines, Place,
-  Problem, QueueItem, SearchArea, Survey,
+  Problem, QueueItem, SearchArea, Survey, Template,
 } from "./documents";
 
 export class ProblemError extends Error {
@@ -111,6 +111,9 @@ export interface ExportOrder {
 
 export const codes = () => getJson<{ text: string }>("/api/codes");
 export const saveCodes = (text: string) => sendJson<{ text: string }>("PUT", "/api/codes", { text });
+
+export const templates = () => getJson<{ templates: Template[] }>("/api/templates");
+export const saveTemplates = (all: Template[]) => sendJson<{ templates: Template[] }>("PUT", "/api/templates", { templates: all });
 
 export async function exportLines(order: ExportOrder): Promise<{ name: string; blob: Blob; warnings: string[] }> {
   const response = await request("/api/export", {

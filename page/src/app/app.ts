@@ -6,6 +6,7 @@ import type { Changed, Edit, FollowMessage, Job, Line, Place, QueueItem, Survey 
 import { type Limits, LineFilter } from "./filter";
 import { Following, type Growth } from "./following";
 import { Outbox } from "./outbox";
+import { TemplateBook } from "./templates";
 
 export interface Events {
   lines: { changed: Line[]; removed: string[] }; // lines were added, changed or removed
@@ -42,6 +43,7 @@ export class App {
   tool: Tool = "select";
   followKind = ""; // "": the server chooses by the place
   readonly keyboard = new Keyboard();
+  readonly templates = new TemplateBook();
   readonly filter = new LineFilter(() => this.emit("filter", this.filter.now));
   readonly following: Following;
   private readonly outbox: Outbox;
@@ -50,6 +52,7 @@ export class App {
   constructor(readonly survey: Survey) {
     this.following = new Following({
       kind: () => this.followKind,
+      template: () => this.templates.chosen,
       save: (edit, shape) => this.submit(edit, shape),
       select: (ids) => this.select(ids),
       received: (message) => this.emit("followMessage", message),

@@ -76,6 +76,21 @@ export interface SearchArea {
   intensity?: { edges: number[]; counts: number[]; proposed: [number, number] | null; separation: number };
 }
 
+// A template of a cross-section
+export interface TemplateNode {
+  name: string;
+  edge: string; // what defines it: of EDGES
+  across_m: number; // to the right of the line's direction
+  up_m: number;
+  kind: string;
+  role: string; // "": none
+}
+
+export interface Template {
+  name: string;
+  nodes: TemplateNode[];
+}
+
 export interface Lines {
   revision: number;
   lines: Line[]; // all, or those added or changed since the requested revision
@@ -106,6 +121,7 @@ export type Edit =
   | { action: "keep"; trace: string; first: number; last: number; continues?: string } // a followed line
   | { action: "beside"; id: string; kind: string; at: [Place] | [Place, Place] } // along the whole line, or between two places
   | { action: "wire"; xyz: [Place | Vertex, Place | Vertex, Place | Vertex] } // a cable: both ends and a point between them
+  | { action: "template"; id: string; template: string } // the lines of a template beside one
   | { action: "dashes"; ids: string[] } // adds the missing dashes, from the paint and the dash pattern
   | { action: "dismiss"; key: string }; // closes an item of the queue without an edit
 
@@ -212,9 +228,9 @@ export type LiveMessage =
 
 // WebSocket /api/follow
 export type FollowRequest =
-  | { type: "pick"; at: Place; kind: string; toward?: Place; continues?: { id: string; end: "start" | "end" } }
+  | { type: "pick"; at: Place; kind: string; template?: string; toward?: Place; continues?: { id: string; end: "start" | "end" } }
   | { type: "pick_image"; pair: number; side: "left" | "right"; at_px: [number, number]; kind: string }
-  | { type: "bridge"; trace: string; end: "start" | "end" } // follow on beyond the gap at an end
+  | { type: "bridge"; trace: string; end: "start" | "end"; template?: string } // follow on beyond the gap at an end
   | { type: "interrupt" };
 
 export type FollowMessage =
@@ -225,6 +241,7 @@ export type FollowMessage =
       type: "stopped";
       trace: string; // held by the server until the next pick; saved by POST /api/changes {action: "keep"}
       lines: Line[];
+      unseen?: string[]; // nodes of the template that the points show nowhere
       stops: [string, string]; // why it stopped at the start and at the end
       choices: [string[], string[]]; // at each end: "bridge", "continue"
       distance_m: number;

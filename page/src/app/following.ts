@@ -17,6 +17,7 @@ export interface Growth {
   choices: [string[], string[]];
   distance_m: number;
   interrupted: boolean;
+  unseen: string[]; // nodes of the template that the points show nowhere
   at: Place | null; // the last click
   continueFrom: { id: string; end: End } | null; // the next click continues there; id "": the followed line itself
   refusal: { reason: string; advice: string; works: Place | null; works_px: [number, number] | null } | null;
@@ -24,11 +25,12 @@ export interface Growth {
 
 const IDLE: Growth = {
   state: "idle", trace: "", lines: [], area: [], pair: null, sighting: null, stops: ["", ""], choices: [[], []],
-  distance_m: 0, interrupted: false, at: null, continueFrom: null, refusal: null,
+  distance_m: 0, interrupted: false, unseen: [], at: null, continueFrom: null, refusal: null,
 };
 
 // What the page does for the follower
 export interface FollowingCallbacks {
+  template(): string; // followed beside the line; "": none
   kind(): string; // the kind to follow; "": the server chooses by the place
   save(edit: Edit, shape: Line): Promise<Changed | null | "refused">;
   select(ids: string[]): void;
@@ -55,8 +57,9 @@ export class Following {
   async pick(at: Place, continues?: { id: string; end: End }, toward?: Place): Promise<void> {
     await this.keepPending();
     this.continues = continues ?? null;
+    const template = this.page.template();
     const request: FollowRequest = { type: "pick", at, kind: this.page.kind() };
-    this.start({ ...request, ...(toward && { toward }), ...(continues && { continues }) }, at);
+    this.start({ ...request, ...(template && { template }), ...(toward && { toward }), ...(continues && { continues }) }, at);
   }
 
   async pickInImage(pair: number, side: "left" | "right", at_px: [number, number]): Promise<void> {
@@ -96,7 +99,8 @@ export class Following {
   bridge(end: End): void {
     if (!this.canBridge(end)) return;
     this.update({ state: "growing", stops: ["", ""], choices: [[], []] });
-    this.follower.send({ type: "bridge", trace: this.growth.trace, end });
+    const template = this.page.template();
+    this.follower.send({ type: "bridge", trace: this.growth.trace, end, ...(template && { template }) });
   }
 
   canBridge(end: End): boolean {
@@ -177,8 +181,8 @@ export class Following {
     if (message.type === "seen") return this.update({ trace: message.trace, sighting: { ...message } });
     this.grown = message.lines;
     if (message.type === "grown") return this.update({ trace: message.trace, lines: this.remaining() });
-    const { trace, stops, choices, distance_m, interrupted } = message;
-    this.update({ state: "stopped", trace, lines: this.remaining(), stops, choices, distance_m, interrupted });
+    const { trace, stops, choices, distance_m, interrupted, unseen = [] } = message;
+    this.update({ state: "stopped", trace, lines: this.remaining(), stops, choices, distance_m, interrupted, unseen });
   }
 
   private disconnected(): void {

@@ -28,6 +28,7 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     { title: "Reverse", key: "r", can: () => one() !== null, run: onOne("reverse") },
     { title: "Parallel", key: "Shift+p", can: () => one() !== null, run: () => void drawParallel(app, cursor()) },
     { title: "From here", key: "Shift+o", can: () => one() !== null, run: () => startParallel(app, cursor()) },
+    { title: "Template", key: "Shift+t", can: () => one() !== null, run: () => void addTemplate(app) },
     {
       title: "Dashes", key: "Shift+d", can: () => some() && ids().every((id) => app.lines.get(id)?.kind === "lane_marking"),
       run: () => void app.change({ action: "dashes", ids: ids() }),
@@ -63,6 +64,7 @@ const titles: Record<string, string> = {
   Parallel: "New line parallel to the selected one, through the mouse",
   "From here": "Start the parallel line at the mouse; Parallel then ends it",
   Dashes: "Add missing dashes",
+  Template: "Lines of the template beside the selected one",
 };
 
 function split(app: App, editing: VertexEditing, cursor: Place | null): void {
@@ -115,4 +117,18 @@ async function drawParallel(app: App, cursor: Place | null): Promise<void> {
   parallelStart = null;
   const changed = await app.change({ action: "beside", id: line.id, kind: line.kind, at });
   if (changed) app.select(changed.lines.map(({ id }) => id));
+}
+
+// The chosen template, or the only one
+async function addTemplate(app: App): Promise<void> {
+  const [id] = app.selection;
+  const { all, chosen } = app.templates;
+  const template = chosen || (all.length === 1 ? all[0]!.name : "");
+  if (id === undefined) return;
+  if (template === "") {
+    const text = all.length === 0 ? "Make a template first: Template in the section view." : "Choose the template beside the Follow tool.";
+    return app.emit("message", { text, kind: "info" });
+  }
+  const changed = await app.change({ action: "template", id, template });
+  if (changed) app.emit("message", { text: `${changed.lines.length} ${changed.lines.length === 1 ? "line" : "lines"} of ${template} added.`, kind: "info" });
 }

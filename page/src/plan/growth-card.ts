@@ -76,6 +76,9 @@ export class GrowthCard {
       const reason = growth.stops[i === 0 ? 0 : 1];
       return reason ? [`At the ${end}: ${reason}`] : [];
     });
+    const beside = growth.lines.filter(({ method }) => method === "template").length;
+    if (beside > 0) reasons.push(`Template: ${beside} ${beside === 1 ? "line" : "lines"} beside it`);
+    if (growth.unseen.length > 0) reasons.push(`Not seen: ${growth.unseen.join(", ")}`);
     this.fill(`${this.app.title(kind)}: ${lengthOf(growth)} m${growth.interrupted ? ", interrupted" : ""}`, reasons, [
       keyButton("Enter", "Keep", () => void following.keep(), { class: "main" }),
       ...(["end", "start"] as const).filter((end) => following.canBridge(end)).map(bridge),

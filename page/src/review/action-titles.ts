@@ -3,6 +3,7 @@
 const TITLES: Record<string, string> = {
   keep: "follow",
   beside: "draw parallel",
+  template: "add template",
   wire: "draw wire",
   dashes: "add dashes",
   kind: "change kind",

@@ -14,6 +14,7 @@ import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./r
 import { nodesIn, type SectionNode } from "./nodes";
 import { readingsOf, sectionTable } from "./readings";
 import { stationOnto, startOf, nextVertex, stationFor, stepped } from "./station";
+import { TemplateMaker } from "./template-maker";
 import { LatestTask, Visibility } from "../controls/visibility";
 import type { Line } from "../app/documents";
 
@@ -34,6 +35,7 @@ export class SectionView implements Pane {
   private readonly shown: Visibility;
   private readonly loading = new LatestTask();
   private readonly drag = new SectionDrag();
+  private readonly maker: TemplateMaker;
   private station: Station;
   private points: api.Points | null = null;
   private half_width_m = HALF_WIDTH_M.value;
@@ -44,6 +46,7 @@ export class SectionView implements Pane {
   private followsCursor = false;
 
   constructor(private readonly app: App) {
+    this.maker = new TemplateMaker(app, () => this.draw());
     const bar = new Bar();
     bar.button("◀", "Step back along the line (Down; Page Down: 5 m)", () => this.step(-STEP_M));
     bar.button("▶", "Step forward along the line (Up; Page Up: 5 m)", () => this.step(STEP_M));
@@ -59,10 +62,11 @@ export class SectionView implements Pane {
       this.draw();
     });
     bar.checkbox("follow cursor", "The section follows the mouse over the plan", (value) => (this.followsCursor = value));
+    bar.button("Template", "Make a template of this cross-section: nodes beside the selected line", () => this.makeTemplate());
     this.where = bar.status();
     this.element = element(
       "div", { class: "section-view", tabindex: 0 }, bar.element,
-      element("div", { class: "section-picture" }, this.canvas, this.readout), this.table,
+      element("div", { class: "section-picture" }, this.canvas, this.readout), this.maker.element, this.table,
     );
     this.station = stationFor(app.survey, undefined, startOf(app.survey));
     this.shown = new Visibility(this.canvas, () => this.place(this.station), () => this.draw());
@@ -98,6 +102,14 @@ export class SectionView implements Pane {
 
   private get line(): Line | undefined {
     return this.app.lines.get(this.app.selection[0] ?? "");
+  }
+
+  // The section goes across the selected line, so that the nodes are where its direction has them
+  private makeTemplate(): void {
+    const { line, station } = this;
+    const onto = line && nearestOn(line.xyz, station.at)?.station;
+    if (onto) this.moveTo(onto);
+    this.maker.start(this.nodes().find((node) => node.line.id === line?.id));
   }
 
   private step(by_m: number): void {
@@ -163,7 +175,10 @@ export class SectionView implements Pane {
       colour: brightened(this.app.colour(node.line.kind)),
       selected: node === dragged || node.line.id === this.line?.id,
     }));
-    drawSection(this.sized(frame), frame, this.points, this.colouring, this.app.survey.heights, handles);
+    const context = this.sized(frame);
+    drawSection(context, frame, this.points, this.colouring, this.app.survey.heights, handles);
+    this.maker.draw(context, frame);
+    this.table.hidden = this.maker.isActive;
     // For scripts and tests: where the nodes are drawn
     const places = nodes.map(({ line, vertex, x, z }) => ({ id: line.id, kind: line.kind, vertex, px: frame.toPx(x, z) }));
     this.canvas.dataset["nodes"] = JSON.stringify(places);
@@ -198,6 +213,7 @@ export class SectionView implements Pane {
   private press(event: PointerEvent): void {
     if (event.button !== 0) return;
     this.element.focus({ preventScroll: true });
+    if (this.maker.isActive) return this.maker.click(...this.frame().fromPx(...this.at(event)), this.nodes());
     this.canvas.setPointerCapture(event.pointerId);
     this.drag.press(this.frame(), this.nodes(), this.at(event), this.line?.id ?? "");
     this.draw();

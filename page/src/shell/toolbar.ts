@@ -27,6 +27,7 @@ export class Toolbar {
       element("strong", { class: "name", title: app.survey.lines_file }, app.survey.name),
       this.tools(),
       this.kinds(),
+      this.templates(),
       this.undo(),
       this.zoomButtons(),
       element("span", { class: "space" }),
@@ -77,6 +78,28 @@ export class Toolbar {
     };
     app.on("tool", fill);
     fill();
+    return choice;
+  }
+
+  // The template that is followed with a line
+  private templates(): HTMLElement {
+    const { app } = this;
+    const choice = element("select", {
+      name: "template", "aria-label": "Template followed with the line", title: "Template of a cross-section, made in the section view",
+      change: () => app.templates.choose(choice.value),
+    });
+    const show = () => {
+      const names = app.templates.all.map(({ name }) => name);
+      choice.replaceChildren(
+        element("option", { value: "" }, "No template"), ...names.map((name) => element("option", { value: name }, name)),
+      );
+      choice.value = app.templates.chosen;
+      choice.hidden = app.tool !== "follow" || names.length === 0;
+    };
+    app.on("tool", show);
+    app.templates.onChange(show);
+    show();
+    void app.templates.load().catch((error: unknown) => app.reportProblem(error));
     return choice;
   }
 

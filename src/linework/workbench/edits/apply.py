@@ -40,6 +40,7 @@ from linework.workbench.edits.orders import (
     InsertVertex,
     JoinLines,
     KeepTrace,
+    LinesBeside,
     MoveVertex,
     RemoveVertex,
     ReshapeLine,
@@ -49,6 +50,7 @@ from linework.workbench.edits.orders import (
     TrimLine,
     positions_of,
 )
+from linework.workbench.edits.template_lines import with_template
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +64,15 @@ class EditInputs:
         nothing was measured at all.
     kept
         The followed line that it saves first, and then those beside it.
+    beside
+        The lines of a template beside the line that is kept or named.
     spans
         By id of a line: where along it the paint shows dashes, (k, 2) [m].
     """
 
     heights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     kept: LineSet | None = None
+    beside: LineSet | None = None
     spans: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
@@ -215,7 +220,19 @@ def _kept(edit: KeepTrace, lines: LineSet, inputs: EditInputs) -> Change:
     if inputs.kept is None or len(inputs.kept) == 0:
         raise AbsentError("the followed line is gone", where="keep", advice="follow it again")
     continues = None if edit.continues is None else lines_of(lines, [edit.continues])
-    return kept_change(lines, inputs.kept, (edit.first, edit.last), continues)
+    change = kept_change(lines, inputs.kept, (edit.first, edit.last), continues)
+    if inputs.beside is None or not len(inputs.beside):
+        return change
+    span = trim_to_vertices(
+        inputs.kept.take([0]), edit.first, min(edit.last, int(inputs.kept.offsets[1]) - 1)
+    )
+    return with_template(change, inputs.beside, lines, span)
+
+
+def _with_template(edit: LinesBeside, lines: LineSet, inputs: EditInputs) -> Change:
+    line, empty = lines_of(lines, [edit.id]), LineSet.empty(lines.crs)
+    beside = empty if inputs.beside is None else inputs.beside
+    return with_template(Change(edit.action, empty, empty), beside, lines, line)
 
 
 def _dismissed(edit: DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
@@ -277,6 +294,7 @@ _MAKERS: dict[type, Callable[..., Change]] = {
     DrawBeside: _beside,
     DrawWire: _hung,
     KeepTrace: _kept,
+    LinesBeside: _with_template,
     DismissSuspect: _dismissed,
 }
 
@@ -334,6 +352,8 @@ def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArra
         Markings; those that lack no dashes are skipped.
     lines
         All lines.
+    beside
+        The lines of a template beside the line that is kept or named.
     spans
         By id of a line: where along it the paint shows dashes, (k, 2) [m].
 

@@ -85,7 +85,7 @@ def kept_change(
     if str(one.kind[0]) == "cable":
         absorbed = [k for k in _same_wire(one, lines) if k not in gone]
     else:
-        one, absorbed = _grown(one, lines, gone)
+        one, absorbed = grown_line(one, lines, gone)
     new = [one]
     gone += absorbed + _mistaken(one, lines)
     for kind in COMPANION_BESIDE_M:
@@ -95,7 +95,7 @@ def kept_change(
             if kind in _WHOLE_KINDS:
                 new += [] if _touching(companion, lines, gone).size else [companion]
                 continue
-            companion, absorbed = _grown(companion, lines, gone)
+            companion, absorbed = grown_line(companion, lines, gone)
             new, gone = [*new, companion], gone + absorbed
     before = lines.take(np.array(gone, dtype=np.int64))
     return Change("keep", before, with_review(LineSet.concatenate(new), "drawn"))
@@ -139,8 +139,8 @@ def _mistaken(one: LineSet, lines: LineSet) -> list[int]:
     return [k for k in bars.tolist() if _is_on(lines[k].xyz[:, :2], one.xyz[:, :2]).mean() > _MOST]
 
 
-def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:
-    """Return a line joined with those that it overlaps, and their indices."""
+def grown_line(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:
+    """Return a line joined with those of its kind that it overlaps, not `gone` ones, and their indices."""
     absorbed: list[int] = []
     for k in _touching(one, lines, gone).tolist():
         other = lines.take([k])
@@ -154,10 +154,14 @@ def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list
     return one, absorbed
 
 
+def share_on_line(one: LineSet, other: LineSet) -> float:
+    """Return the share of a line that lies within `SAME_LINE_M` of another in plan."""
+    return float(_is_on(stations_of(one.xyz)[:, :2], other.xyz[:, :2]).mean())
+
+
 def _longer(one: LineSet, other: LineSet) -> LineSet:
     """Return the longer of two lines if nearly all of one lies on the other, else both."""
-    on_other = _is_on(stations_of(one.xyz)[:, :2], other.xyz[:, :2]).mean()
-    on_one = _is_on(stations_of(other.xyz)[:, :2], one.xyz[:, :2]).mean()
+    on_other, on_one = share_on_line(one, other), share_on_line(other, one)
     if max(on_other, on_one) < NEARLY_ALL:
         return LineSet.concatenate([one, other])
     return one if on_one >= on_other else other

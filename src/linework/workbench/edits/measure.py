@@ -5,6 +5,8 @@ Separate from `apply`, because it waits for a worker; `apply` works on values al
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 
 from linework.arrays import FloatArray
@@ -19,11 +21,14 @@ from linework.workbench.edits.orders import (
     EditOrder,
     InsertVertex,
     KeepTrace,
+    LinesBeside,
     MoveVertex,
     PlanPosition,
     SpacePosition,
     positions_of,
 )
+from linework.workbench.following.beside import template_beside
+from linework.workbench.following.templates import template_of_survey
 from linework.workbench.following.traces import kept_trace
 from linework.workbench.review.paint import dash_spans
 from linework.workbench.server.app_state import AppState
@@ -76,7 +81,13 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
         The followed line is no longer available.
     """
     if isinstance(edit, KeepTrace):
-        return EditInputs(kept=kept_trace(app_state, edit.trace))
+        trace = kept_trace(app_state, edit.trace)
+        return EditInputs(kept=trace.lines, beside=trace.beside)
+    if isinstance(edit, LinesBeside):
+        line = lines_of(app_state.line_file.lines, [edit.id])
+        template = await asyncio.to_thread(template_of_survey, app_state, edit.template)
+        found = await app_state.tracing.ask(template_beside, line, template)
+        return EditInputs(beside=found.lines)
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):

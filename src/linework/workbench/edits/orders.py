@@ -152,6 +152,14 @@ class KeepTrace(Document):
     continues: Id | None = None
 
 
+class LinesBeside(Document):
+    """Add the lines of a template beside a line."""
+
+    action: Literal["template"]
+    id: Id
+    template: Kind
+
+
 class DismissSuspect(Document):
     """Dismiss an item of the review queue."""
 
@@ -176,6 +184,7 @@ EditOrder = Annotated[
     | DrawBeside
     | DrawWire
     | KeepTrace
+    | LinesBeside
     | DismissSuspect,
     Field(discriminator="action"),
 ]

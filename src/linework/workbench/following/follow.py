@@ -9,7 +9,7 @@ import contextlib
 import itertools
 import time
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,9 +18,12 @@ from linework.arrays import FloatArray
 from linework.errors import AbsentError, LineworkError
 from linework.methods.obb.trace import PICK_M, TRACKED_AS
 from linework.methods.picked_edge.method import SIDES, EdgeStep
+from linework.methods.templates.parallel import TemplateLines
+from linework.methods.templates.template import CrossTemplate
 from linework.model.lines import LineSet
 from linework.tracing.in_images import ImageTracer, TracedEdge
 from linework.tracing.trace import RefusedPickError, Trace, TracedLine, Tracer, check_pick_kind
+from linework.workbench.following.beside import template_beside
 from linework.workbench.following.messages import (
     FollowPixel,
     FollowPlace,
@@ -54,8 +57,10 @@ Step = TypeVar("Step")
 Found = TypeVar("Found")
 
 
-def follow_in_worker(session: SurveySession, order: FollowPlace, trace_id: str) -> Telling:
-    """Follow the line at a place, reporting how it grows."""
+def follow_in_worker(
+    session: SurveySession, order: FollowPlace, template: CrossTemplate | None, trace_id: str
+) -> Telling:
+    """Follow the line at a place, reporting how it grows; once it has stopped, the lines of a template beside it."""
     yield FollowMessage(area_message(_area(order.at)))
     try:
         check_pick_kind(order.kind)
@@ -65,10 +70,13 @@ def follow_in_worker(session: SurveySession, order: FollowPlace, trace_id: str) 
     except LineworkError as error:
         yield FollowMessage(refusal_message(error))
         return
-    yield _stopped(trace_id, found, is_interrupted=is_interrupted)
+    beside = template_beside(session, found.lines, template)
+    yield _stopped(trace_id, found, is_interrupted=is_interrupted, beside=beside)
 
 
-def bridge_in_worker(session: SurveySession, trace: KeptTrace, end: int, trace_id: str) -> Telling:
+def bridge_in_worker(
+    session: SurveySession, trace: KeptTrace, end: int, template: CrossTemplate | None, trace_id: str
+) -> Telling:
     """Follow a line on beyond the gap at its start (0) or its end (1), reporting how it grows."""
     try:
         steps = tracer_of(session).bridge(trace.lines, end, trace.stops)
@@ -78,10 +86,11 @@ def bridge_in_worker(session: SurveySession, trace: KeptTrace, end: int, trace_i
         # The line stays as it was, and its stop says that trying again is of no use
         why = error.reason if isinstance(error, RefusedPickError) else error.problem
         stops = (why, trace.stops[1]) if end == 0 else (trace.stops[0], why)
-        kept = KeptTrace(trace.lines, stops=stops)
+        kept = replace(trace, stops=stops)
         yield FollowMessage(stopped_message(trace_id, kept, distance_m=0.0, is_interrupted=False), kept)
         return
-    yield _stopped(trace_id, found, is_interrupted=is_interrupted)
+    beside = template_beside(session, found.lines, template)
+    yield _stopped(trace_id, found, is_interrupted=is_interrupted, beside=beside)
 
 
 def follow_image_in_worker(session: SurveySession, order: FollowPixel, trace_id: str) -> Telling:
@@ -164,8 +173,17 @@ def _grown(trace_id: str, lines: LineSet, *, in_images: bool = False) -> FollowM
     return FollowMessage(growth_message(trace_id, lines), KeptTrace(lines, in_images))
 
 
-def _stopped(trace_id: str, found: TracedLine | TracedEdge, *, is_interrupted: bool) -> FollowMessage:
-    trace = KeptTrace(found.lines, isinstance(found, TracedEdge), found.stops)
+def _stopped(
+    trace_id: str,
+    found: TracedLine | TracedEdge,
+    *,
+    is_interrupted: bool,
+    beside: TemplateLines | None = None,
+) -> FollowMessage:
+    in_images = isinstance(found, TracedEdge)
+    trace = KeptTrace(found.lines, in_images, found.stops)
+    if beside is not None:
+        trace = replace(trace, beside=beside.lines, unseen=beside.unseen)
     distance_m = found.distance_m if isinstance(found, TracedLine) else 0.0
     text = stopped_message(trace_id, trace, distance_m=distance_m, is_interrupted=is_interrupted)
     return FollowMessage(text, trace)

@@ -11,6 +11,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from linework.arrays import FloatArray
 from linework.errors import LineworkError, UsageError
 from linework.methods.obb.trace import TraceStop
+from linework.methods.templates.template import LONGEST_NODE_NAME
 from linework.model.lines import LineSet
 from linework.tracing.trace import RefusedPickError
 from linework.workbench.following.traces import KeptTrace
@@ -33,11 +34,12 @@ class ContinuedLine(Document):
 
 
 class FollowPlace(Document):
-    """Follow the line of a kind ("": any) at a place (east, north) [m, world]."""
+    """Follow the line of a kind ("": any) at a place (east, north) [m, world], with a template beside it ("": none)."""
 
     type: Literal["pick"]
     at: PickedPosition
     kind: str = Field(default="", max_length=50)
+    template: str = Field(default="", max_length=LONGEST_NODE_NAME)
     toward: PickedPosition | None = None
     continues: ContinuedLine | None = None
 
@@ -53,11 +55,12 @@ class FollowPixel(Document):
 
 
 class FollowBridge(Document):
-    """Follow a line on beyond the gap at one of its ends."""
+    """Follow a line on beyond the gap at one of its ends, with a template beside the whole ("": none)."""
 
     type: Literal["bridge"]
     trace: str = Field(max_length=50)
     end: LineEnd
+    template: str = Field(default="", max_length=LONGEST_NODE_NAME)
 
 
 class StopFollowing(Document):
@@ -122,7 +125,8 @@ def stopped_message(trace_id: str, trace: KeptTrace, *, distance_m: float, is_in
         {
             "type": "stopped",
             "trace": trace_id,
-            "lines": line_documents(trace.lines),
+            "lines": line_documents(trace.shown),
+            "unseen": list(trace.unseen),
             "stops": list(trace.stops),
             "choices": choices,
             "distance_m": round(distance_m, 3),

@@ -10,6 +10,7 @@ from typing import Any
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from linework.errors import LineworkError, UsageError
+from linework.methods.templates.template import CrossTemplate
 from linework.workbench.following.follow import (
     INTERRUPT,
     bridge_in_worker,
@@ -20,12 +21,13 @@ from linework.workbench.following.follow import (
 from linework.workbench.following.messages import (
     FollowBridge,
     FollowOrder,
-    FollowPlace,
+    FollowPixel,
     StopFollowing,
     order_of,
     refusal_message,
     stopped_message,
 )
+from linework.workbench.following.templates import template_of_survey
 from linework.workbench.server.app_state import AppState, state_of_socket
 
 follow_router = APIRouter(prefix="/api")
@@ -112,7 +114,9 @@ async def run_follow_order(
     LineworkError
         The trace to bridge is no longer kept, or the worker died.
     """
-    function, arguments, trace_id = _request_of(app_state, order)
+    name = "" if isinstance(order, FollowPixel | StopFollowing) else order.template
+    template = await asyncio.to_thread(template_of_survey, app_state, name)
+    function, arguments, trace_id = _request_of(app_state, order, template)
     app_state.traces.interrupt()
     async with app_state.tracing.request(function, *arguments, trace_id) as request:
         begun.set()
@@ -148,11 +152,14 @@ async def warm_up_tracing(app_state: AppState) -> None:
                 pass
 
 
-def _request_of(app_state: AppState, order: FollowOrder) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
+def _request_of(
+    app_state: AppState, order: FollowOrder, template: CrossTemplate | None
+) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
     """Return the function of an order, its arguments, and the id of its trace."""
     assert not isinstance(order, StopFollowing)
     if isinstance(order, FollowBridge):
         end = ("start", "end").index(order.end)
-        return bridge_in_worker, (app_state.traces.get(order.trace), end), order.trace
-    function = follow_in_worker if isinstance(order, FollowPlace) else follow_image_in_worker
-    return function, (order,), app_state.traces.new_id()
+        return bridge_in_worker, (app_state.traces.get(order.trace), end, template), order.trace
+    if isinstance(order, FollowPixel):
+        return follow_image_in_worker, (order,), app_state.traces.new_id()
+    return follow_in_worker, (order, template), app_state.traces.new_id()

@@ -30,11 +30,22 @@ class KeptTrace:
         Whether it was picked in an image.
     stops
         Why it starts and why it ends where it does; "" while it grows.
+    beside
+        The lines of a template beside it; None: without a template, or while it grows.
+    unseen
+        Nodes of the template that were seen nowhere.
     """
 
     lines: LineSet
     in_images: bool = False
     stops: tuple[str, str] = ("", "")
+    beside: LineSet | None = None
+    unseen: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> LineSet:
+        """All lines, as the page shows them: the line first."""
+        return self.lines if self.beside is None else LineSet.concatenate([self.lines, self.beside])
 
 
 @dataclass(slots=True)
@@ -83,12 +94,12 @@ class KeptTraces:
             self._stop()
 
 
-def kept_trace(app_state: AppState, trace_id: str) -> LineSet:
-    """Return a followed line as it was last sent to a page: the line first, then those beside it.
+def kept_trace(app_state: AppState, trace_id: str) -> KeptTrace:
+    """Return a followed line as it was last sent to a page.
 
     Raises
     ------
     UsageError
         It is no longer available.
     """
-    return app_state.traces.get(trace_id).lines
+    return app_state.traces.get(trace_id)

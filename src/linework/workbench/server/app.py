@@ -9,6 +9,7 @@ from fastapi import FastAPI
 
 from linework.workbench.edits.routes import edits_router
 from linework.workbench.following.routes import follow_router
+from linework.workbench.following.templates import template_router
 from linework.workbench.jobs.routes import jobs_router
 from linework.workbench.review.chainage import chainage_router
 from linework.workbench.review.evidence import evidence_router
@@ -29,6 +30,7 @@ ROUTERS = (
     jobs_router,
     chainage_router,
     export_router,
+    template_router,
 )
 
 
