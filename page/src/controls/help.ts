@@ -24,6 +24,7 @@ const IN_VIEWS: [group: string, keys: string[], title: string][] = [
 
 const TOPICS: [title: string, text: string][] = [
   ["Review what is unsure", "N goes to the next item of the queue and shows its evidence; A accepts, X rejects, Y takes the proposal, Q dismisses. What is sure comes last, as one item."],
+  ["Mend the same fault elsewhere", "After a line is rejected or deleted, or given another kind or attribute, Alike lists the lines that may have the same fault. Shift N looks at the next, Shift A takes it in or leaves it out, Shift M mends all that are taken in as one edit."],
   ["Follow a line from a click", "F, then click beside the kerb, marking, guardrail or cable. Enter keeps the line, B bridges a gap, C continues with a click farther on."],
   ["Work without a mouse", "F6 goes from part to part of the page. In the plan the arrow keys move the view, and Ctrl Enter clicks in its middle: with Select, Follow, Draw and Measure alike."],
   ["Correct a node", "In the straightened view choose it with Left and Right, move it with Shift or Alt and the arrow keys, and save with Enter; or drag it in the plan, in the section or there."],
