@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks._review_scene import KINDS, POINTS_PER_M, WEAR, matched, scene_of, truth_of
 from benchmarks.accuracy import seeds_of
-from linework.editing.queue.alike import VERY_LIKE, line_measures, lines_alike
+from linework.editing.queue.alike import VERY_LIKE_CHANCE, line_measures, lines_alike
 from linework.files.vectors.read_write import read_lines
 from linework.workbench.review.point_measures import PointsOfLines
 from linework.workbench.review.suspects import driven_path
@@ -73,7 +73,7 @@ def taught(scene):
             same = (own == own[i]) & ~example
             found = lines_alike(example, nobody, ~example, measures)
             hits = [bool(same[one.line]) for one in found]
-            very = [hit for one, hit in zip(found, hits, strict=True) if one.chance <= VERY_LIKE]
+            very = [hit for one, hit in zip(found, hits, strict=True) if one.chance <= VERY_LIKE_CHANCE]
             row = (len(hits), sum(hits), len(very), sum(very), int(same.sum()), len(chosen) - 1)
             rows.append((kind, *row))
     return rows

@@ -29,6 +29,7 @@ const TOPICS: [title: string, text: string][] = [
   ["Work without a mouse", "F6 goes from part to part of the page. In the plan the arrow keys move the view, and Ctrl Enter clicks in its middle: with Select, Follow, Draw and Measure alike."],
   ["Correct a node", "In the straightened view choose it with Left and Right, move it with Shift or Alt and the arrow keys, and save with Enter; or drag it in the plan, in the section or there."],
   ["Check a line along its length", "Select it and open Straightened: points, heights, accuracy, bridged stretches and images by chainage. Space moves 20 m on."],
+  ["See the road as the cameras saw it", "Road image among the backgrounds of the plan: zoom in until it appears. Each pixel is from one image; nothing is shown where none sees the road."],
   ["Undo", "Ctrl Z undoes the last edit, Ctrl Shift Z redoes it. Everything is saved at once; History lists who changed what."],
   ["Measure a kerb, a rail, a clearance", "The table under the section has the heights where lines cross it; the straightened view draws them along the line."],
   ["Bridged stretches", "Dotted in the plan and hatched in the straightened view: nothing was measured there."],

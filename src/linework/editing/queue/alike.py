@@ -17,11 +17,11 @@ from linework.lines.along import DrivenPath
 from linework.model.lines import LineSet
 
 #: Largest distance of a line from the path, and from another line, that is measured. [m]
-FAR_M = 25.0
+BESIDE_REACH_M = 25.0
 #: Fewest other lines of the kind among which one can be said to be like another.
 FEWEST_LINES = 4
 #: Chance below which a line is listed as like the example, and below which it is very much so.
-LIKE, VERY_LIKE = 0.3, 0.05
+LIKE_CHANCE, VERY_LIKE_CHANCE = 0.3, 0.05
 #: Reviews by which a person said that a line is right.
 RIGHT_REVIEWS = ("accepted", "edited", "drawn")
 #: Measures that are named as the reason, at most, and the largest share of lines as near in such a one.
@@ -68,7 +68,7 @@ def line_measures(lines: LineSet, chosen: IntArray, way: DrivenPath) -> dict[str
         step = xy[-1] - xy[0]
         reach_m = float(np.hypot(*step))
         bends[i] = 1.0 - reach_m / max(float(length_m[i]), 1e-9)
-        along, left_m = way.offsets(xy, FAR_M)
+        along, left_m = way.offsets(xy, BESIDE_REACH_M)
         near = np.isfinite(along)
         if near.any() and reach_m > 0.0:
             offset[i] = float(np.median(np.abs(left_m[near])))
@@ -93,12 +93,12 @@ def line_measures(lines: LineSet, chosen: IntArray, way: DrivenPath) -> dict[str
 
 def _to_the_next(lines: LineSet, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return how far from the middle of each chosen line the nearest other of its kind is, and that of other kinds. [m]"""  # noqa: D400
-    same, other = np.full(len(chosen), FAR_M), np.full(len(chosen), FAR_M)
+    same, other = np.full(len(chosen), BESIDE_REACH_M), np.full(len(chosen), BESIDE_REACH_M)
     if len(chosen) == 0:
         return same, other
     plan = [shapely.LineString(lines[i].xyz[:, :2]) for i in range(len(lines))]
     middles = [plan[i].interpolate(0.5, normalized=True) for i in chosen.tolist()]
-    pairs = shapely.STRtree(plan).query(middles, predicate="dwithin", distance=FAR_M)
+    pairs = shapely.STRtree(plan).query(middles, predicate="dwithin", distance=BESIDE_REACH_M)
     for k, j in pairs.T.tolist():
         if chosen[k] != j:
             nearest = same if lines.kind[chosen[k]] == lines.kind[j] else other
@@ -161,7 +161,7 @@ def lines_alike(
     -----
     Of each measure counts how few lines of the kind are as near to the example as the candidate is: a rank, so that units,
     sensors and the spread of a survey do not matter. The measures are added up by their logarithms (Fisher 1932). A
-    candidate is listed below `LIKE`, unless a line that a person called right is as like the example. Where most lines of
+    candidate is listed below `LIKE_CHANCE`, unless a line that a person called right is as like the example. Where most lines of
     a kind have the fault, few of them are rare among the others, and few are listed.
     """
     population = examples | right | candidates
@@ -175,7 +175,7 @@ def lines_alike(
             continue
         names, each = list(shares), np.array(list(shares.values()))
         chance = chi2.sf(-2.0 * np.log(np.maximum(each, 0.5 / n)).sum(axis=0), 2 * len(each))
-        is_like = (chance <= LIKE) & (chance < np.min(chance[right], initial=np.inf))
+        is_like = (chance <= LIKE_CHANCE) & (chance < np.min(chance[right], initial=np.inf))
         for k in np.flatnonzero(candidates & is_like).tolist():
             if k in best and best[k].chance <= chance[k]:
                 continue

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.editing.queue.alike import (
     RIGHT_REVIEWS,
-    VERY_LIKE,
+    VERY_LIKE_CHANCE,
     Alike,
     line_measures,
     lines_alike,
@@ -53,7 +53,7 @@ class AlikeItem(Document):
     reason
         In what it is like the example, in words.
     is_very
-        It is very much like it (`VERY_LIKE`); no reason to take it in without a look, see decision 106.
+        It is very much like it (`VERY_LIKE_CHANCE`); no reason to take it in without a look, see decision 106.
     """
 
     id: str
@@ -199,5 +199,5 @@ def alike_item(line: LineSet, one: Alike) -> AlikeItem:
         box=[round(v, 2) for v in view_box(xyz)],
         length_m=round(float(line.length_m[0]), 2),
         reason="like it in " + ", ".join(one.because) if one.because else "like it in all a little",
-        is_very=one.chance <= VERY_LIKE,
+        is_very=one.chance <= VERY_LIKE_CHANCE,
     )
