@@ -92,6 +92,8 @@ def test_each_place_is_seen_from_the_nearest_image_that_sees_it():
     places = np.column_stack([np.arange(0.0, 22.0), np.zeros(22), np.zeros(22)])
     views = [ground_view(camera, field_of_view(camera), poses, i, places) for i in range(3)]
     best = best_views(views, len(places))
+    turned = best_views(views[::-1], len(places))
+    assert np.where(turned < 0, -1, 2 - turned).tolist() == best.tolist()
     # The lower edge of the image is 4.2 m ahead
     assert best[:5].tolist() == [-1] * 5
     assert best[5:9].tolist() == [0] * 4
