@@ -1,8 +1,8 @@
 // The server's routes, one function each, and its two WebSockets. Same origin only; the session is a cookie.
 
 import type {
-  Changed, Edit, EditRecord, Evidence, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair, PairLines, Place,
-  Problem, QueueItem, SearchArea, Survey, Template,
+  AlikeLines, Changed, Edit, EditRecord, Evidence, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair,
+  PairLines, Place, Problem, QueueItem, SearchArea, Survey, Template,
 } from "./documents";
 
 export class ProblemError extends Error {
@@ -50,6 +50,7 @@ export const evidence = (kind: string, [east, north]: Place, line: string, beyon
   getJson<Evidence>(
     `/api/evidence?kind=${encodeURIComponent(kind)}&east=${east}&north=${north}&line=${encodeURIComponent(line)}&beyond=${beyond}`,
   );
+export const alike = (edit: number) => getJson<AlikeLines>(`/api/alike?edit=${edit}`);
 export const heights = (kind: string, places: Place[]) =>
   sendJson<{ heights: (number | null)[] }>("POST", "/api/heights", { kind, places });
 

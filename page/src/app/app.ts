@@ -14,6 +14,7 @@ export interface Events {
   filter: Limits; // other lines are shown
   reverted: Line[]; // lines that an undo or redo brought back
   item: QueueItem | null; // the queue looks at it
+  edited: { edit: Edit; number: number }; // this page saved an edit
   look: { at: Place; by: string }; // a pane (its name) moved to a place: the others follow
   cursor: { at: Place; by: string } | null; // the mouse, in world coordinates
   tool: Tool;
@@ -123,6 +124,7 @@ export class App {
   // `shape` is the line as it looks on the page, in case the server loses its trace.
   async change(edit: Edit, shape?: Line): Promise<Changed | null> {
     const changed = await this.submit(edit, shape);
+    if (changed !== null && changed !== "refused") this.emit("edited", { edit, number: changed.number });
     return changed === "refused" ? null : changed;
   }
 

@@ -162,6 +162,24 @@ export interface Evidence {
   facts: [name: string, value: string][];
 }
 
+// Lines in which the fault may be that an edit mended
+export interface AlikeLines {
+  edit: number; // number of the edit that taught it
+  kind: string;
+  mend: { action: "reject" | "delete" } | { action: "kind"; kind: string } | { action: "set"; column: string; value: string | boolean } | null;
+  n_looked: number;
+  items: AlikeItem[]; // the most alike first
+}
+
+export interface AlikeItem {
+  id: string;
+  at: Place;
+  box: [number, number, number, number];
+  length_m: number;
+  reason: string;
+  is_very: boolean;
+}
+
 export interface EditRecord {
   number: number;
   time_utc: string;

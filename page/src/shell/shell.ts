@@ -2,6 +2,7 @@
 // bar at the bottom.
 
 import type { App } from "../app/app";
+import { AlikePane } from "../review/alike-pane";
 import { AttributesPane } from "../review/attributes-pane";
 import { element } from "../controls/element";
 import { EvidencePane } from "../review/evidence-pane";
@@ -34,6 +35,7 @@ export function buildShell(app: App): void {
 
   const lists = new Tabs("Review");
   lists.add("Queue", new QueuePane(app, (box) => plan.fit(box)));
+  lists.add("Alike", new AlikePane(app, (box) => plan.fit(box), () => lists.show("Alike")));
   lists.add("History", new HistoryPane(app));
   lists.add("Extract", guarded(() => new JobPane(app)));
   const table = new LineTable(app);

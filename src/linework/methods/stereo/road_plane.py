@@ -123,6 +123,11 @@ class RoadShape:
         """Return (n,) disparities of the van's own lane extended to the sides: roads fall below it, kerbs rise. [pixels]"""  # noqa: D400
         return self._disparity(rig, col, row, np.where(ASIDE_TERMS, 0.0, self.shape))
 
+    def heights_m(self, x: FloatArray, z: FloatArray) -> FloatArray:
+        """Return (n,) heights above the plane at places across and ahead of the left camera (n,); NaN beyond what was fitted. [m]"""  # noqa: D400
+        inside = (z > 0.0) & (z <= SHAPE_AHEAD_M) & (np.abs(x) <= SHAPE_ASIDE_M)
+        return np.where(inside, _terms(x, z) @ self.shape, np.nan)
+
     def _disparity(
         self, rig: RectifiedRig, col: FloatArray, row: FloatArray, shape: FloatArray
     ) -> FloatArray:

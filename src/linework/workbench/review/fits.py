@@ -91,20 +91,31 @@ def _best_stripe(
 ) -> tuple[float, float, float, float, float] | None:
     """Return middle and width [m], brightness on it and beside it, and what it explains, of the stripe that leaves least."""
     total = _left(value, weight, np.ones(len(at), dtype=np.bool_))[0]
-    best, least = None, total
-    for width in np.arange(3 * ACROSS_BIN_M, WIDEST_PAINT_M + 0.5 * ACROSS_BIN_M, ACROSS_BIN_M):
-        # In the middle of a bin, or between two
-        for middle in np.concatenate([at, at + 0.5 * ACROSS_BIN_M]):
-            inside = np.abs(at - middle) < 0.5 * width + 1e-9
-            if not 2 <= inside.sum() <= len(at) - _EACH_SIDE:
-                continue
-            (left_in, bright), (left_out, dark) = _left(value, weight, inside), _left(value, weight, ~inside)
-            # Two stripes and the gap between them are not one
-            is_even = np.mean(value[inside] > 0.5 * (bright + dark)) >= _PAINTED_SHARE
-            if bright > dark and left_in + left_out < least and is_even:
-                least = left_in + left_out
-                best = float(middle), float(width), bright, dark, _explained(total, least)
-    return best
+    widths = np.arange(3 * ACROSS_BIN_M, WIDEST_PAINT_M + 0.5 * ACROSS_BIN_M, ACROSS_BIN_M)
+    # In the middle of a bin, or between two
+    middles = np.concatenate([at, at + 0.5 * ACROSS_BIN_M])
+    width, middle = (part.ravel() for part in np.meshgrid(widths, middles, indexing="ij"))
+    reach = 0.5 * width + 1e-9
+    first, last = np.searchsorted(at, middle - reach, side="right"), np.searchsorted(at, middle + reach)
+    fits = (last - first >= 2) & (last - first <= len(at) - _EACH_SIDE)
+    width, middle, first, last = (part[fits] for part in (width, middle, first, last))
+    # Sums over the bins of a stripe as differences of sums up to its ends, of the value from its mean to keep digits
+    centred = value - np.average(value, weights=weight)
+    sums = np.stack([np.r_[0.0, np.cumsum(part)] for part in (weight, weight * centred, weight * centred**2)])
+    inside = sums[:, last] - sums[:, first]
+    outside = sums[:, -1:] - inside
+    left = inside[2] - inside[1] ** 2 / inside[0] + outside[2] - outside[1] ** 2 / outside[0]
+    is_brighter = inside[1] / inside[0] > outside[1] / outside[0]
+    for k in np.argsort(left, kind="stable").tolist():
+        if left[k] >= total:
+            break
+        stripe = np.zeros(len(at), dtype=np.bool_)
+        stripe[first[k] : last[k]] = True
+        bright, dark = _left(value, weight, stripe)[1], _left(value, weight, ~stripe)[1]
+        # Two stripes and the gap between them are not one
+        if is_brighter[k] and np.mean(value[stripe] > 0.5 * (bright + dark)) >= _PAINTED_SHARE:
+            return float(middle[k]), float(width[k]), bright, dark, _explained(total, float(left[k]))
+    return None
 
 
 def step_across(offset_m: FloatArray, height_m: FloatArray) -> AcrossFit | None:

@@ -33,7 +33,7 @@ def suspects_in_worker(
     session: SurveySession, lines: LineSet, dismissed: Container[str] = frozenset()
 ) -> list[Suspect]:
     """Return what is worth checking in the lines of the survey, the most promising first; see `suspects`."""
-    path = session.keep("path", lambda: _path(session))
+    path = driven_path(session)
     sight = session.keep("sight", lambda: _sight(session))
     paint: PaintOfLines = session.keep("paint of lines", PaintOfLines)
     return suspects(lines, path, sight, paint.of(session, lines), dismissed)
@@ -74,9 +74,14 @@ def suspects(
     return ranked + unlisted_lines(single, ranked) + sure_lines(single)
 
 
-def _path(session: SurveySession) -> DrivenPath:
-    trajectory = session.recordings.trajectory
-    return DrivenPath.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
+def driven_path(session: SurveySession) -> DrivenPath:
+    """Return the van's path, made once; an empty one without a trajectory."""
+
+    def made() -> DrivenPath:
+        trajectory = session.recordings.trajectory
+        return DrivenPath.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
+
+    return session.keep("path", made)
 
 
 def _sight(session: SurveySession) -> Sight:

@@ -11,6 +11,7 @@ from linework.workbench.edits.routes import edits_router
 from linework.workbench.following.routes import follow_router
 from linework.workbench.following.templates import template_router
 from linework.workbench.jobs.routes import jobs_router
+from linework.workbench.review.alike import alike_router
 from linework.workbench.review.chainage import chainage_router
 from linework.workbench.review.evidence import evidence_router
 from linework.workbench.review.export import export_router
@@ -26,6 +27,7 @@ ROUTERS = (
     edits_router,
     review_router,
     evidence_router,
+    alike_router,
     follow_router,
     jobs_router,
     chainage_router,

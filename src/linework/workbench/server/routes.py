@@ -17,6 +17,7 @@ from linework.editing.edits.attributes import CHOICES, KINDS_WITH
 from linework.files.line_file.file import LineFile
 from linework.files.vectors.fields import colour_of
 from linework.model.lines import KINDS
+from linework.workbench.road_image.picture import road_document
 from linework.workbench.server.app_state import AppState, CurrentState, state_of_socket
 from linework.workbench.server.documents import line_documents
 from linework.workbench.server.problems import hide_paths
@@ -129,13 +130,14 @@ def survey_document(app_state: AppState, *, busy: str) -> dict[str, Any]:
 
 
 def _images(facts: SurveyFacts) -> list[dict[str, Any]]:
-    """Return the images of the plan view, which are made from points."""
+    """Return the images of the plan view: of points, and of what the cameras saw."""
+    road = [road_document()] if facts.n_pairs else []
     if not facts.n_points:
-        return []
+        return road
     plain: list[dict[str, Any]] = [
         dict(zip(("name", "title", "unit"), image, strict=True)) | {"classes": []} for image in IMAGES
     ]
-    return [*plain, class_image()]
+    return [*plain, class_image(), *road]
 
 
 def _kind(kind: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from pydantic import Field
 from linework.errors import LineworkError
 from linework.model.grid import Bounds
 from linework.workbench.edits.apply import lines_of
+from linework.workbench.road_image.picture import ROAD_IMAGE, road_tile_png
 from linework.workbench.server.app_state import AppState, CurrentState
 from linework.workbench.server.documents import Document
 from linework.workbench.views.heights import heights_at
@@ -81,15 +82,18 @@ async def get_tile(
     prefetcher = prefetcher_of(request, app_state)
     prefetcher.note_request()
     wanted = Lattice.of(app_state.facts.bounds).tile(z, col, row)
-    if wanted is None or not app_state.facts.n_points:
+    is_there = app_state.facts.n_pairs if image == ROAD_IMAGE else app_state.facts.n_points
+    if wanted is None or not is_there:
         return Response(status_code=204)
     async with prefetcher.turn:
         # While the user pans fast, tiles that are no longer in view are not made
         if await request.is_disconnected():
             return Response(status_code=204)
-        if image == CLASS_IMAGE:
+        if image == ROAD_IMAGE:
+            png: bytes = await app_state.pictures.ask(road_tile_png, wanted)
+        elif image == CLASS_IMAGE:
             near = lines_near_tile(app_state.line_file.lines, wanted)
-            png: bytes = await app_state.pictures.ask(class_tile_png, wanted, near)
+            png = await app_state.pictures.ask(class_tile_png, wanted, near)
         else:
             png = await app_state.pictures.ask(tile_png, image, wanted)
     if not png:

@@ -1,0 +1,203 @@
+"""After an edit: the lines in which the same fault may be, and its route; taught by the example that a person gave."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from fastapi import APIRouter, Query
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.editing.queue.alike import (
+    RIGHT_REVIEWS,
+    VERY_LIKE_CHANCE,
+    Alike,
+    line_measures,
+    lines_alike,
+)
+from linework.editing.queue.carried_over import REJECTED_REVIEW
+from linework.editing.queue.suspects import line_middle, view_box
+from linework.files.line_file.file import LineFile
+from linework.model.changes import Change
+from linework.model.lines import LineSet
+from linework.workbench.edits.apply import COMPANIONS
+from linework.workbench.review.point_measures import PointsOfLines
+from linework.workbench.review.suspects import driven_path
+from linework.workbench.server.app_state import CurrentState
+from linework.workbench.server.documents import Document
+from linework.workbench.worker.session import SurveySession
+
+#: Lines that are listed, at most: more than a person looks at one by one.
+MOST_ALIKE = 200
+#: Lines of the kind among which is looked, those nearest to the example: each takes a hundredth of a second.
+MOST_LOOKED_AT = 2000
+#: Lines whose points are measured in one request to the worker, which pictures wait for: half a second.
+MEASURED_AT_ONCE = 30
+#: Edits back that are looked for the example.
+_MOST_BACK = 50
+#: Attributes that a person sets because a line has them wrong.
+TAUGHT_COLUMNS = ("role", "pattern", "form", "condition", "double")
+
+alike_router = APIRouter(prefix="/api")
+
+
+class AlikeItem(Document):
+    """A line in which the same fault may be, as the page gets it.
+
+    Parameters
+    ----------
+    at, box
+        East and north of its middle, and west, south, east, north around it. [m, world]
+    reason
+        In what it is like the example, in words.
+    is_very
+        It is very much like it (`VERY_LIKE_CHANCE`); no reason to take it in without a look, see decision 106.
+    """
+
+    id: str
+    at: list[float]
+    box: list[float]
+    length_m: float
+    reason: str
+    is_very: bool
+
+
+class AlikeLines(Document):
+    """What an edit taught: `mend` is the edit for all, without ids; None: the edit teaches nothing."""
+
+    edit: int
+    kind: str
+    mend: dict[str, Any] | None
+    n_looked: int
+    items: list[AlikeItem]
+
+
+@dataclass(frozen=True, slots=True)
+class Taught:
+    """An example that an edit gave.
+
+    Parameters
+    ----------
+    examples
+        The lines as they were before, of one kind.
+    mend
+        The edit that mends other lines the same way, without its ids.
+    column
+        The attribute that was wrong; "" where it was the line itself or its kind.
+    """
+
+    examples: LineSet
+    mend: dict[str, Any]
+    column: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the examples."""
+        return str(self.examples.kind[0])
+
+
+@alike_router.get("/alike")
+async def get_alike(app_state: CurrentState, edit: Annotated[int, Query(ge=1, le=2**53)]) -> AlikeLines:
+    """Return the lines in which the fault may be that an edit mended."""
+    taught = await asyncio.to_thread(taught_by_edit, app_state.line_file, edit)
+    if taught is None:
+        return AlikeLines(edit=edit, kind="", mend=None, n_looked=0, items=[])
+    lines, chosen = population_of(taught, await asyncio.to_thread(lambda: app_state.line_file.lines))
+    while True:
+        found, is_whole = await app_state.pictures.ask(alike_in_worker, taught, lines, chosen)
+        if is_whole:
+            break
+    items = [alike_item(lines.take([int(chosen[one.line])]), one) for one in found[:MOST_ALIKE]]
+    return AlikeLines(edit=edit, kind=taught.kind, mend=taught.mend, n_looked=len(chosen), items=items)
+
+
+def taught_by_edit(line_file: LineFile, number: int) -> Taught | None:
+    """Return the example that an edit of the file gave; None where it gave none, or was undone."""
+    back = line_file.revision - number + 1
+    if not 1 <= back <= _MOST_BACK or number in line_file.undone:
+        return None
+    edit = next((edit for edit in line_file.history(back) if edit.number == number), None)
+    return None if edit is None else taught_by(edit.change)
+
+
+def taught_by(change: Change) -> Taught | None:
+    """Return the example that a change gives: a line rejected or deleted, or given another kind or attribute.
+
+    What was moved, cut, joined or drawn gives none: how it would be mended elsewhere depends on the place.
+    """
+    before, after, action = change.before, change.after, change.action.partition(" ")[0]
+    if len(before) == 0 or action not in ("reject", "delete", "kind", "set"):
+        return None
+    # Dashes and tops that went with their line are no example
+    with_it = [COMPANIONS[kind] for kind in set(before.kind.tolist()) if kind in COMPANIONS]
+    own = before.take(~np.isin(before.kind, with_it))
+    if len(set(own.kind.tolist())) != 1:
+        return None
+    if action in ("reject", "delete"):
+        return Taught(own, {"action": action})
+    became = after.take(np.isin(after.id, own.id) & (after.review != REJECTED_REVIEW))
+    if action == "kind":
+        kinds = set(became.kind.tolist())
+        return Taught(own, {"action": action, "kind": kinds.pop()}) if len(kinds) == 1 else None
+    for column in TAUGHT_COLUMNS:
+        was, now = set(getattr(own, column).tolist()), set(getattr(became, column).tolist())
+        if was != now and len(was) == len(now) == 1:
+            return Taught(own, {"action": action, "column": column, "value": now.pop()}, column)
+    return None
+
+
+def population_of(taught: Taught, lines: LineSet) -> tuple[LineSet, IntArray]:
+    """Return all lines that are not rejected, with the examples as they were, and which of them (k,) are of their kind.
+
+    The examples come first; of the others of the kind the `MOST_LOOKED_AT` nearest are chosen.
+    """
+    others = lines.take((lines.review != REJECTED_REVIEW) & ~np.isin(lines.id, taught.examples.id))
+    whole = LineSet.concatenate([taught.examples.with_columns(crs=lines.crs), others])
+    n = len(taught.examples)
+    is_own = whole.kind == taught.kind
+    if taught.column:
+        is_own &= getattr(whole, taught.column) == getattr(taught.examples, taught.column)[0]
+    own = np.flatnonzero(is_own)
+    own = own[own >= n]
+    if len(own) > MOST_LOOKED_AT:
+        here = np.array(line_middle(taught.examples[0].xyz))
+        away = np.hypot(*(whole.xyz[whole.offsets[own], :2] - here).T)
+        own = np.sort(own[np.argsort(away, kind="stable")[:MOST_LOOKED_AT]])
+    return whole, np.r_[np.arange(n), own]
+
+
+def alike_in_worker(
+    session: SurveySession, taught: Taught, lines: LineSet, chosen: IntArray
+) -> tuple[list[Alike], bool]:
+    """Return the chosen lines that are like the examples, the first of them, and whether all were measured.
+
+    Until all were measured nothing is returned: ask again.
+    """
+    points: PointsOfLines = session.keep("points of lines", PointsOfLines)
+    own = lines.take(chosen)
+    measured, is_whole = points.of(session, own, MEASURED_AT_ONCE)
+    if not is_whole:
+        return [], False
+    return alike_of(taught, own, line_measures(lines, chosen, driven_path(session)) | measured), True
+
+
+def alike_of(taught: Taught, own: LineSet, measures: dict[str, FloatArray]) -> list[Alike]:
+    """Return which lines are like the examples, which are the first of them."""
+    is_example: BoolArray = np.arange(len(own)) < len(taught.examples)
+    right = ~is_example & np.isin(own.review, RIGHT_REVIEWS)
+    return lines_alike(is_example, right, ~is_example & (own.review == ""), measures)
+
+
+def alike_item(line: LineSet, one: Alike) -> AlikeItem:
+    """Return the item of a line (a set of one)."""
+    xyz = line[0].xyz
+    return AlikeItem(
+        id=str(line.id[0]),
+        at=[round(v, 3) for v in line_middle(xyz)],
+        box=[round(v, 2) for v in view_box(xyz)],
+        length_m=round(float(line.length_m[0]), 2),
+        reason="like it in " + ", ".join(one.because) if one.because else "like it in all a little",
+        is_very=one.chance <= VERY_LIKE_CHANCE,
+    )
