@@ -66,6 +66,12 @@ class RailPieces:
             self._search(x, y, x, y)
         return self._joined()
 
+    def each_once_about(self, places: FloatArray) -> LineSet:
+        """Return the lines as `lines_about`, wires from the tile of their middle alone: several tiles may find them."""
+        self.lines_about(places)
+        cores = {tile: _core(*tile) for tile in self._tiles}
+        return LineSet.concatenate([inside_core(lines, cores[tile]) for tile, lines in self._tiles.items()])
+
     def _joined(self) -> LineSet:
         cores = [_core(*tile) for tile in self._tiles]
         return join_seams(LineSet.concatenate(self._tiles.values()), cores)

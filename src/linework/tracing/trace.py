@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from linework.runs.settings import RunSettings
 from linework.tracing.boxes import Corridor, SurveyBoxes
 from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, piece_toward
 from linework.tracing.rails import RailPieces
+from linework.tracing.wires import HungWires, wires_along
 
 #: Kinds that a place can be picked on.
 PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
@@ -140,6 +141,11 @@ class Tracer:
         dashes = [part["lane_marking_dash"] for part in (lines, new.lines)]
         both = LineSet.concatenate([whole, beside, *dashes])
         return TracedLine(kind, self._in_crs(both), 0.0, (far, stops[1]) if end == 0 else (stops[0], far))
+
+    def wires_along(self, wire: FloatArray) -> HungWires | None:
+        """Return the wires that hang with a wire (n, 3) [m, world] from pole to pole; None: the points show none there."""
+        found = wires_along(self._cables, wire)
+        return None if found is None else replace(found, lines=self._in_crs(found.lines))
 
     def _in_crs(self, lines: LineSet) -> LineSet:
         return lines.with_columns(crs=self._opened.survey.crs)

@@ -58,6 +58,18 @@ def with_networks(lines: LineSet) -> LineSet:
     return lines.with_columns(**{name: column.astype(np.str_) for name, column in values.items()})
 
 
+def conductors(wires: LineSet) -> IntArray:
+    """Return the number of the conductor of each wire, (m,): wires that continue each other from pole to pole share it.
+
+    wires: cables, all at finite places.
+    """
+    if len(wires) == 0:
+        return np.zeros(0, dtype=np.int64)
+    ends = np.stack([wires.xyz[wires.offsets[:-1]], wires.xyz[wires.offsets[1:] - 1]], axis=1)
+    hung = hanging(ends)
+    return groups_of_pairs(len(wires), _continued(ends, hung.support, hung.span))
+
+
 def _chained(groups: IntArray) -> list[tuple[int, int]]:
     """Return pairs that chain the members of each group."""
     order = np.argsort(groups, kind="stable")

@@ -27,9 +27,12 @@ from linework.methods.obb.trace import COMPANION_BESIDE_M
 from linework.methods.obb.trace import companions_of as lies_beside
 from linework.model.changes import Change
 from linework.model.lines import LineSet
+from linework.tracing.wires import HungWires
+from linework.workbench.edits.hung_wires import wires_change
 from linework.workbench.edits.keep_trace import kept_change
 from linework.workbench.edits.orders import (
     AddDashes,
+    AddWires,
     ChangeKind,
     DeleteLines,
     DismissSuspect,
@@ -66,6 +69,8 @@ class EditInputs:
         The followed line that it saves first, and then those beside it.
     beside
         The lines of a template beside the line that is kept or named.
+    wires
+        The wires that hang with the one that is named.
     spans
         By id of a line: where along it the paint shows dashes, (k, 2) [m].
     """
@@ -73,6 +78,7 @@ class EditInputs:
     heights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     kept: LineSet | None = None
     beside: LineSet | None = None
+    wires: HungWires | None = None
     spans: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
@@ -235,6 +241,12 @@ def _with_template(edit: LinesBeside, lines: LineSet, inputs: EditInputs) -> Cha
     return with_template(Change(edit.action, empty, empty), beside, lines, line)
 
 
+def _with_wires(edit: AddWires, lines: LineSet, inputs: EditInputs) -> Change:
+    if inputs.wires is None:
+        raise AbsentError("no wires were looked for", where="wires", advice="reload the page")
+    return wires_change(edit.action, lines, inputs.wires, own_only=edit.which == "own")
+
+
 def _dismissed(edit: DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
     empty = LineSet.empty(lines.crs)
     return Change(f"{edit.action} {edit.key}", empty, empty)
@@ -295,6 +307,7 @@ _MAKERS: dict[type, Callable[..., Change]] = {
     DrawWire: _hung,
     KeepTrace: _kept,
     LinesBeside: _with_template,
+    AddWires: _with_wires,
     DismissSuspect: _dismissed,
 }
 

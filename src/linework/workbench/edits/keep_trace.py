@@ -83,7 +83,7 @@ def kept_change(
         else:
             one = join_two_lines(continues, one, others)
     if str(one.kind[0]) == "cable":
-        absorbed = [k for k in _same_wire(one, lines) if k not in gone]
+        absorbed = [k for k in same_wires(one, lines) if k not in gone and lines.review[k] != "rejected"]
     else:
         one, absorbed = grown_line(one, lines, gone)
     new = [one]
@@ -101,9 +101,9 @@ def kept_change(
     return Change("keep", before, with_review(LineSet.concatenate(new), "drawn"))
 
 
-def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
+def same_wires(one: LineSet, lines: LineSet) -> list[int]:
     """Return the indices of cables that are the same as one: within `SAME_WIRE_M` in space."""
-    cables = np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist()
+    cables = np.flatnonzero(lines.kind == "cable").tolist()
     return [k for k in cables if _share_on(lines.take([k]), one) > _MOST]
 
 

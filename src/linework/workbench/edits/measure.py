@@ -15,6 +15,7 @@ from linework.errors import UsageError
 from linework.workbench.edits.apply import EditInputs, lines_of
 from linework.workbench.edits.orders import (
     AddDashes,
+    AddWires,
     DrawBeside,
     DrawLine,
     DrawWire,
@@ -30,6 +31,7 @@ from linework.workbench.edits.orders import (
 from linework.workbench.following.beside import template_beside
 from linework.workbench.following.templates import template_of_survey
 from linework.workbench.following.traces import kept_trace
+from linework.workbench.following.wires import wires_in_worker
 from linework.workbench.review.paint import dash_spans
 from linework.workbench.server.app_state import AppState
 from linework.workbench.views.heights import heights_at
@@ -88,6 +90,11 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
         template = await asyncio.to_thread(template_of_survey, app_state, edit.template)
         found = await app_state.tracing.ask(template_beside, line, template)
         return EditInputs(beside=found.lines)
+    if isinstance(edit, AddWires):
+        line = lines_of(app_state.line_file.lines, [edit.id])
+        if str(line.kind[0]) != "cable":
+            raise UsageError(f"a {line.kind[0]} is no wire", where=edit.action, advice="select a cable")
+        return EditInputs(wires=await app_state.tracing.ask(wires_in_worker, line.xyz))
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):

@@ -160,6 +160,14 @@ class LinesBeside(Document):
     template: Kind
 
 
+class AddWires(Document):
+    """Add the wires that hang with a wire from pole to pole: those of its own conductor, or all beside it too."""
+
+    action: Literal["wires"]
+    id: Id
+    which: Literal["own", "all"]
+
+
 class DismissSuspect(Document):
     """Dismiss an item of the review queue."""
 
@@ -185,6 +193,7 @@ EditOrder = Annotated[
     | DrawWire
     | KeepTrace
     | LinesBeside
+    | AddWires
     | DismissSuspect,
     Field(discriminator="action"),
 ]
