@@ -29,6 +29,8 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     { title: "Parallel", key: "Shift+p", can: () => one() !== null, run: () => void drawParallel(app, cursor()) },
     { title: "From here", key: "Shift+o", can: () => one() !== null, run: () => startParallel(app, cursor()) },
     { title: "Template", key: "Shift+t", can: () => one() !== null, run: () => void addTemplate(app) },
+    { title: "Wire", key: "Shift+w", can: () => one()?.kind === "cable", run: () => void addWires(app, "own") },
+    { title: "Wires", key: "Shift+v", can: () => one()?.kind === "cable", run: () => void addWires(app, "all") },
     {
       title: "Dashes", key: "Shift+d", can: () => some() && ids().every((id) => app.lines.get(id)?.kind === "lane_marking"),
       run: () => void app.change({ action: "dashes", ids: ids() }),
@@ -64,6 +66,8 @@ const titles: Record<string, string> = {
   Parallel: "New line parallel to the selected one, through the mouse",
   "From here": "Start the parallel line at the mouse; Parallel then ends it",
   Dashes: "Add missing dashes",
+  Wire: "The same wire from pole to pole",
+  Wires: "The same wire from pole to pole, and those beside it",
   Template: "Lines of the template beside the selected one",
 };
 
@@ -131,4 +135,17 @@ async function addTemplate(app: App): Promise<void> {
   }
   const changed = await app.change({ action: "template", id, template });
   if (changed) app.emit("message", { text: `${changed.lines.length} ${changed.lines.length === 1 ? "line" : "lines"} of ${template} added.`, kind: "info" });
+}
+
+// The wires that hang with the selected one: its own conductor, or all
+async function addWires(app: App, which: "own" | "all"): Promise<void> {
+  const [id] = app.selection;
+  if (id === undefined) return;
+  app.emit("message", { text: "Following the wire from pole to pole …", kind: "info" });
+  const changed = await app.change({ action: "wires", id, which });
+  if (!changed) return;
+  const clearances = changed.lines.flatMap(({ clearance_m }) => (clearance_m === null ? [] : [clearance_m]));
+  const lowest = clearances.length > 0 ? `; lowest clearance ${Math.min(...clearances).toFixed(2)} m` : "";
+  app.select([...new Set([id, ...changed.lines.map((line) => line.id)])]);
+  app.emit("message", { text: `${changed.lines.length} ${changed.lines.length === 1 ? "wire" : "wires"} added or named${lowest}.`, kind: "info" });
 }
