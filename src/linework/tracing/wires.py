@@ -22,7 +22,7 @@ _COMPARED = 9
 #: Half of the longest span: the tile of its middle finds it. [m]
 HALF_SPAN_M = 300.0
 #: Wires of a conductor that are followed at most.
-MOST_SPANS = 200
+MOST_FOLLOWED_SPANS = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def wires_along(pieces: RailPieces, wire: FloatArray) -> HungWires | None:
         else:
             break
         lines = grown
-        if len(conductor) >= MOST_SPANS:
+        if len(conductor) >= MOST_FOLLOWED_SPANS:
             break
     named, numbers = with_networks(lines), conductors(lines)
     beside = named.circuit == named.circuit[own]

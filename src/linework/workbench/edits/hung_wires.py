@@ -1,4 +1,7 @@
-"""Save the wires of a power line that were found from one of them, as one edit."""
+"""Save the wires of a power line that were found from one of them, as one edit.
+
+Separate from `keep_trace`, because it names saved wires instead of joining them with what was found.
+"""
 
 from __future__ import annotations
 
