@@ -65,7 +65,7 @@ def taught(scene):
     rows = []
     for kind in sorted(set(lines.kind[faults != ""].tolist())):
         chosen = np.flatnonzero(lines.kind == kind)
-        points, _ = PointsOfLines().of(session, lines.take(chosen), len(chosen))
+        points = PointsOfLines().of(session, lines.take(chosen))
         measures = line_measures(lines, chosen, driven_path(session)) | points
         own, nobody = faults[chosen], np.zeros(len(chosen), dtype=bool)
         for i in np.flatnonzero(own != "").tolist():

@@ -137,15 +137,24 @@ def test_threads_end_with_a_run_that_ends_early():
 
 def test_threads_whose_tasks_are_done_are_not_stopped(monkeypatch):
     # Stopped as it ends, a thread prints a traceback
-    do_tasks, stopped = executors._do_tasks, []
+    do_tasks, stopped, may_end, looked_at = executors._do_tasks, [], threading.Event(), []
 
     def ending_late(*given):
         do_tasks(*given)
-        time.sleep(0.2)
+        may_end.wait()
+
+    class Ending(threading.Thread):
+        def join(self, timeout=None):
+            # Whether it has to be stopped was decided while it was alive
+            looked_at.append(may_end.is_set() or self.is_alive())
+            may_end.set()
+            super().join(timeout)
 
     monkeypatch.setattr(executors, "_do_tasks", ending_late)
+    monkeypatch.setattr(executors.threading, "Thread", Ending)
     monkeypatch.setattr(executors.ctypes.pythonapi, "PyThreadState_SetAsyncExc", lambda *a: stopped.append(a))
     list(Threads(2).run(len, ["a", "b"]))
+    assert looked_at == [True, True]
     assert stopped == []
 
 

@@ -107,6 +107,16 @@ def test_drives_share_no_road_where_one_has_measured_nothing():
     assert not share_road(with_points(whole, times))
 
 
+@pytest.mark.parametrize(("first_m", "last_m", "is_shared"), [(600.0, 1400.0, False), (400.0, 1600.0, True)])
+def test_drives_share_no_road_where_one_measured_before_and_behind_only(first_m, last_m, is_shared):
+    path = path_of(((0.0, 0.0), (2000.0, 0.0)), 60.0, ((0.0, 3.0), (2000.0, 3.0)))
+    east, is_back = path.xyz[:, 0], path.xyz[:, 1] > 0.0
+    measured = np.where(is_back, (east >= first_m) & (east <= last_m), (east <= 500.0) | (east >= 1500.0))
+    times = TimeCounts()
+    times.add(path.time_s[measured])
+    assert share_road(with_points(separate_drives(path), times)) == is_shared
+
+
 # The correction
 
 

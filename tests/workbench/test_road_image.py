@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import weakref
 
 import numpy as np
 import PIL.Image
@@ -10,9 +11,10 @@ import pytest
 
 from linework.arrays import distance_along
 from linework.files.vectors.read_write import read_lines
-from linework.imaging.ground_views import best_views, field_of_view, ground_view, image_values
+from linework.imaging.ground_views import BestView, field_of_view, ground_view, image_values, moved_poses
 from linework.model.camera import Camera
 from linework.model.images import Poses
+from linework.workbench.road_image import picture
 from linework.workbench.road_image.picture import COARSEST_ROAD_LEVEL, RoadImages, road_tile_png
 from linework.workbench.views.pyramid import TILE_PX, MapTile
 from linework.workbench.worker.session import SurveyOrder, SurveySession
@@ -91,9 +93,15 @@ def test_each_place_is_seen_from_the_nearest_image_that_sees_it():
     camera, poses = level_camera(), poses_at(0.0, 4.0, 8.0)
     places = np.column_stack([np.arange(0.0, 22.0), np.zeros(22), np.zeros(22)])
     views = [ground_view(camera, field_of_view(camera), poses, i, places) for i in range(3)]
-    best = best_views(views, len(places))
-    turned = best_views(views[::-1], len(places))
-    assert np.where(turned < 0, -1, 2 - turned).tolist() == best.tolist()
+    found, turned = BestView.of(len(places)), BestView.of(len(places))
+    for i in range(3):
+        found.look(i, views[i])
+        turned.look(2 - i, views[2 - i])
+    best = found.pose
+    assert turned.pose.tolist() == best.tolist()
+    own = np.flatnonzero(best >= 0)
+    assert found.pixels[own].tolist() == [views[best[k]].pixels[k].tolist() for k in own]
+    assert np.isnan(found.pixels[best < 0]).all()
     # The lower edge of the image is 4.2 m ahead
     assert best[:5].tolist() == [-1] * 5
     assert best[5:9].tolist() == [0] * 4
@@ -102,6 +110,43 @@ def test_each_place_is_seen_from_the_nearest_image_that_sees_it():
     # 10 cm a pixel at a height of 2 m and 500 pixels: 10 m
     assert best[8 + 9] == 2 and best[8 + 11] == -1
     assert np.allclose(views[0].pixels[10], [320.0, 240.0 + 500.0 * 2.0 / 10.0])
+
+
+def test_of_a_van_that_waits_one_pose_is_looked_at():
+    poses = poses_at(0.0, 2.0, *(4.0 + 0.01 * np.sin(np.arange(600.0))), 6.0, 6.05, 6.11)
+    assert moved_poses(poses, np.arange(len(poses.time_s)), 0.1).tolist() == [0, 1, 2, 602, 604]
+    assert moved_poses(poses, np.arange(0), 0.1).tolist() == []
+
+
+def test_the_memory_of_a_tile_does_not_grow_with_its_poses(session, monkeypatch):
+    made = RoadImages(session.recordings.stereo, session.surface)
+    middle = made.stereo.poses.xyz[len(made.stereo.poses) // 2, :2]
+    tile = MapTile(-2, *(int(v) for v in np.floor(middle / 16.0)))
+    views, alive = [], []
+
+    def noted(*given):
+        alive.append(sum(view() is not None for view in views))
+        found = ground_view(*given)
+        views.append(weakref.ref(found.pixels))
+        return found
+
+    monkeypatch.setattr(picture, "ground_view", noted)
+    values = made.values(tile)
+    assert len(views) >= 5 and max(alive) <= 1
+    # The same picture with every pose many times over
+    near = picture.poses_near
+    monkeypatch.setattr(picture, "poses_near", lambda *given: np.repeat(near(*given), 20))
+    n_views = len(views)
+    assert made.values(tile).tobytes() == values.tobytes()
+    assert len(views) == 2 * n_views and max(alive) <= 1
+
+
+def test_the_images_that_were_needed_last_are_kept(session, monkeypatch):
+    made = RoadImages(session.recordings.stereo, session.surface)
+    monkeypatch.setattr(picture, "_N_IMAGES", 2)
+    for i in (0, 1, 0, 2):
+        made._image(i)
+    assert list(made._images) == [0, 2]
 
 
 def test_a_place_without_a_height_is_not_seen():
@@ -131,10 +176,10 @@ def test_tiles_are_transparent_where_no_image_sees_the_road(session):
     middle = poses.xyz[len(poses) // 2, :2]
     size = 64.0 * 2.0**-2
     tile = MapTile(-2, *(int(v) for v in np.floor(middle / size)))
-    picture = np.asarray(PIL.Image.open(io.BytesIO(road_tile_png(session, tile))))
-    assert picture.shape == (TILE_PX, TILE_PX, 4)
-    assert 0.02 < (picture[..., 3] == 255).mean() < 0.98
-    assert set(np.unique(picture[..., 3]).tolist()) == {0, 255}
+    shown = np.asarray(PIL.Image.open(io.BytesIO(road_tile_png(session, tile))))
+    assert shown.shape == (TILE_PX, TILE_PX, 4)
+    assert 0.02 < (shown[..., 3] == 255).mean() < 0.98
+    assert set(np.unique(shown[..., 3]).tolist()) == {0, 255}
     # Behind the first image, far away, and where a tile would take hundreds of images
     assert road_tile_png(session, MapTile(-2, tile.east + 50, tile.north)) == b""
     coarse = COARSEST_ROAD_LEVEL + 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,13 +84,35 @@ def field_of_view(camera: Camera) -> FloatArray:
     return np.stack([np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)])
 
 
-def best_views(views: Sequence[GroundView], n: int) -> IntArray:
-    """Return for n places the number of the view with the smallest footprint, the first of equal ones; -1: none sees it well."""
-    best, least = np.full(n, -1, dtype=np.int64), np.full(n, LONGEST_FOOTPRINT_M)
-    for k, view in enumerate(views):
-        better = view.footprint_m < least
-        best[better], least[better] = k, view.footprint_m[better]
-    return best
+@dataclass(slots=True)
+class BestView:
+    """Which of the poses looked at so far sees each place best; memory is that of one view, however many there are.
+
+    Parameters
+    ----------
+    pose
+        (n,) number of the pose with the shortest footprint, the first of equal ones; -1: none sees it well.
+    footprint_m
+        (n,) that footprint; `LONGEST_FOOTPRINT_M` where there is none. [m]
+    pixels
+        (n, 2) column and row in the original image of that pose; NaN where there is none. [pixels]
+    """
+
+    pose: IntArray
+    footprint_m: FloatArray
+    pixels: FloatArray
+
+    @classmethod
+    def of(cls, n: int) -> BestView:
+        """Return that of n places before any pose was looked at."""
+        return cls(np.full(n, -1, dtype=np.int64), np.full(n, LONGEST_FOOTPRINT_M), np.full((n, 2), np.nan))
+
+    def look(self, pose: int, view: GroundView) -> None:
+        """Look from a pose, too."""
+        better = view.footprint_m < self.footprint_m
+        self.pose[better] = pose
+        self.footprint_m[better] = view.footprint_m[better]
+        self.pixels[better] = view.pixels[better]
 
 
 def image_values(image: AnyArray, pixels: FloatArray) -> AnyArray:
@@ -113,3 +134,12 @@ def poses_near(poses: Poses, low: FloatArray, high: FloatArray, within_m: float)
     away = np.maximum(np.maximum(low - xy, xy - high), 0.0)
     is_near: BoolArray = np.hypot(*away.T) <= within_m
     return np.flatnonzero(is_near)
+
+
+def moved_poses(poses: Poses, numbers: IntArray, least_m: float) -> IntArray:
+    """Return those of the poses (n,) that are a distance from the last one returned; the first is. [m]"""  # noqa: D400
+    kept: list[int] = []
+    for i in numbers.tolist():
+        if not kept or np.linalg.norm(poses.xyz[i] - poses.xyz[kept[-1]]) >= least_m:
+            kept.append(i)
+    return np.array(kept, dtype=np.int64)

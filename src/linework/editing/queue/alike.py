@@ -96,13 +96,15 @@ def _to_the_next(lines: LineSet, chosen: IntArray) -> tuple[FloatArray, FloatArr
     same, other = np.full(len(chosen), BESIDE_REACH_M), np.full(len(chosen), BESIDE_REACH_M)
     if len(chosen) == 0:
         return same, other
-    plan = [shapely.LineString(lines[i].xyz[:, :2]) for i in range(len(lines))]
-    middles = [plan[i].interpolate(0.5, normalized=True) for i in chosen.tolist()]
-    pairs = shapely.STRtree(plan).query(middles, predicate="dwithin", distance=BESIDE_REACH_M)
-    for k, j in pairs.T.tolist():
-        if chosen[k] != j:
-            nearest = same if lines.kind[chosen[k]] == lines.kind[j] else other
-            nearest[k] = min(nearest[k], float(plan[j].distance(middles[k])))
+    plan = shapely.linestrings(
+        lines.xyz[:, :2], indices=np.repeat(np.arange(len(lines)), np.diff(lines.offsets))
+    )
+    middles = shapely.line_interpolate_point(plan[chosen], 0.5, normalized=True)
+    k, j = shapely.STRtree(plan).query(middles, predicate="dwithin", distance=BESIDE_REACH_M)
+    away, is_same = shapely.distance(plan[j], middles[k]), lines.kind[chosen[k]] == lines.kind[j]
+    is_itself = chosen[k] == j
+    for nearest, own in ((same, is_same & ~is_itself), (other, ~is_same & ~is_itself)):
+        np.minimum.at(nearest, k[own], away[own])
     return same, other
 
 

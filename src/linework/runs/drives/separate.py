@@ -47,12 +47,15 @@ class DriveSpan:
         (n,) times of some of its poses. [s]
     xy
         (n, 2) their positions. [m, world]
+    resumes
+        (k,) numbers of the poses before which others were left out (`with_points`): between them is no road of it.
     """
 
     start_s: float
     end_s: float
     time_s: FloatArray
     xy: FloatArray
+    resumes: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     tree: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -118,7 +121,12 @@ def with_points(drives: Sequence[DriveSpan], times: TimeCounts) -> tuple[DriveSp
     """
     measured = [times.measured_at(drive.time_s) for drive in drives]
     return tuple(
-        replace(drive, time_s=drive.time_s[own], xy=drive.xy[own])
+        replace(
+            drive,
+            time_s=drive.time_s[own],
+            xy=drive.xy[own],
+            resumes=np.flatnonzero(np.diff(np.flatnonzero(own)) > 1) + 1,
+        )
         for drive, own in zip(drives, measured, strict=True)
         if own.any()
     )
@@ -130,9 +138,11 @@ def share_road(drives: tuple[DriveSpan, ...]) -> bool:
         return False
     places, owners = [], []
     for i, drive in enumerate(drives):
-        place = _spaced(drive.time_s, drive.xy)[1]
-        places.append(place)
-        owners.append(np.full(len(place), i))
+        edges = [0, *drive.resumes.tolist(), len(drive.xy)]
+        for first, last in pairwise(edges):
+            place = _spaced(drive.time_s[first:last], drive.xy[first:last])[1]
+            places.append(place)
+            owners.append(np.full(len(place), i))
     place, owner = np.concatenate(places), np.concatenate(owners)
     ahead = np.concatenate([_ahead(p) for p in places])
     beside = _beside(place, ahead, lambda i, near: owner[near] != owner[i])

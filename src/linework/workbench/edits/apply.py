@@ -365,8 +365,6 @@ def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArra
         Markings; those that lack no dashes are skipped.
     lines
         All lines.
-    beside
-        The lines of a template beside the line that is kept or named.
     spans
         By id of a line: where along it the paint shows dashes, (k, 2) [m].
 

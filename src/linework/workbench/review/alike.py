@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.editing.queue.alike import (
@@ -33,6 +33,8 @@ from linework.workbench.worker.session import SurveySession
 MOST_ALIKE = 200
 #: Lines of the kind among which is looked, those nearest to the example: each takes a hundredth of a second.
 MOST_LOOKED_AT = 2000
+#: Examples that are looked at, at most: twenty show what they have in common, and each is compared with all others.
+MOST_EXAMPLES = 20
 #: Lines whose points are measured in one request to the worker, which pictures wait for: half a second.
 MEASURED_AT_ONCE = 30
 #: Edits back that are looked for the example.
@@ -81,7 +83,7 @@ class Taught:
     Parameters
     ----------
     examples
-        The lines as they were before, of one kind.
+        The lines as they were before, of one kind; the first `n_looked_at` of them are compared with others.
     mend
         The edit that mends other lines the same way, without its ids.
     column
@@ -97,20 +99,35 @@ class Taught:
         """Kind of the examples."""
         return str(self.examples.kind[0])
 
+    @property
+    def n_looked_at(self) -> int:
+        """Number of the examples that are compared with others: `MOST_EXAMPLES` at most, as more teach little."""
+        return min(len(self.examples), MOST_EXAMPLES)
+
 
 @alike_router.get("/alike")
-async def get_alike(app_state: CurrentState, edit: Annotated[int, Query(ge=1, le=2**53)]) -> AlikeLines:
-    """Return the lines in which the fault may be that an edit mended."""
+async def get_alike(
+    request: Request, app_state: CurrentState, edit: Annotated[int, Query(ge=1, le=2**53)]
+) -> AlikeLines:
+    """Return the lines in which the fault may be that an edit mended; none once the page that asked has gone."""
+    none = AlikeLines(edit=edit, kind="", mend=None, n_looked=0, items=[])
     taught = await asyncio.to_thread(taught_by_edit, app_state.line_file, edit)
     if taught is None:
-        return AlikeLines(edit=edit, kind="", mend=None, n_looked=0, items=[])
-    lines, chosen = population_of(taught, await asyncio.to_thread(lambda: app_state.line_file.lines))
-    while True:
-        found, is_whole = await app_state.pictures.ask(alike_in_worker, taught, lines, chosen)
-        if is_whole:
-            break
-    items = [alike_item(lines.take([int(chosen[one.line])]), one) for one in found[:MOST_ALIKE]]
-    return AlikeLines(edit=edit, kind=taught.kind, mend=taught.mend, n_looked=len(chosen), items=items)
+        return none
+    lines, chosen = await asyncio.to_thread(lambda: population_of(taught, app_state.line_file.lines))
+    own = lines.take(chosen)
+    parts: list[dict[str, FloatArray]] = []
+    # The worker makes pictures, too, and gets no request that is long: pictures go between
+    for first in range(0, len(own), MEASURED_AT_ONCE):
+        if await request.is_disconnected():
+            return none
+        part = own.take(range(first, min(first + MEASURED_AT_ONCE, len(own))))
+        parts.append(await app_state.pictures.ask(points_in_worker, part))
+    measures = await app_state.pictures.ask(lines_in_worker, lines, chosen)
+    measures |= {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    found = await asyncio.to_thread(alike_of, taught, own, measures)
+    items = [alike_item(own.take([one.line]), one) for one in found[:MOST_ALIKE]]
+    return AlikeLines(edit=edit, kind=taught.kind, mend=taught.mend, n_looked=len(own), items=items)
 
 
 def taught_by_edit(line_file: LineFile, number: int) -> Taught | None:
@@ -135,6 +152,7 @@ def taught_by(change: Change) -> Taught | None:
     own = before.take(~np.isin(before.kind, with_it))
     if len(set(own.kind.tolist())) != 1:
         return None
+    own = own.take(_looked_at_first(own))
     if action in ("reject", "delete"):
         return Taught(own, {"action": action})
     became = after.take(np.isin(after.id, own.id) & (after.review != REJECTED_REVIEW))
@@ -148,44 +166,48 @@ def taught_by(change: Change) -> Taught | None:
     return None
 
 
-def population_of(taught: Taught, lines: LineSet) -> tuple[LineSet, IntArray]:
-    """Return all lines that are not rejected, with the examples as they were, and which of them (k,) are of their kind.
+def _looked_at_first(examples: LineSet) -> IntArray:
+    """Return the numbers of examples, those that are looked at first: evenly spread over their ids, in whatever order."""
+    order: IntArray = np.argsort(examples.id, kind="stable")
+    if len(order) <= MOST_EXAMPLES:
+        return np.arange(len(order))
+    looked_at = order[np.arange(MOST_EXAMPLES) * len(order) // MOST_EXAMPLES]
+    return np.concatenate([looked_at, np.setdiff1d(order, looked_at)])
 
-    The examples come first; of the others of the kind the `MOST_LOOKED_AT` nearest are chosen.
+
+def population_of(taught: Taught, lines: LineSet) -> tuple[LineSet, IntArray]:
+    """Return all lines that are not rejected, with the examples as they were, and which of them (k,) are compared.
+
+    These are the `Taught.n_looked_at` examples, and the `MOST_LOOKED_AT` others of their kind nearest to the first.
     """
     others = lines.take((lines.review != REJECTED_REVIEW) & ~np.isin(lines.id, taught.examples.id))
     whole = LineSet.concatenate([taught.examples.with_columns(crs=lines.crs), others])
-    n = len(taught.examples)
     is_own = whole.kind == taught.kind
     if taught.column:
         is_own &= getattr(whole, taught.column) == getattr(taught.examples, taught.column)[0]
     own = np.flatnonzero(is_own)
-    own = own[own >= n]
+    own = own[own >= len(taught.examples)]
     if len(own) > MOST_LOOKED_AT:
         here = np.array(line_middle(taught.examples[0].xyz))
         away = np.hypot(*(whole.xyz[whole.offsets[own], :2] - here).T)
         own = np.sort(own[np.argsort(away, kind="stable")[:MOST_LOOKED_AT]])
-    return whole, np.r_[np.arange(n), own]
+    return whole, np.r_[np.arange(taught.n_looked_at), own]
 
 
-def alike_in_worker(
-    session: SurveySession, taught: Taught, lines: LineSet, chosen: IntArray
-) -> tuple[list[Alike], bool]:
-    """Return the chosen lines that are like the examples, the first of them, and whether all were measured.
-
-    Until all were measured nothing is returned: ask again.
-    """
+def points_in_worker(session: SurveySession, lines: LineSet) -> dict[str, FloatArray]:
+    """Return what the points say of lines, by name, (n,) each."""
     points: PointsOfLines = session.keep("points of lines", PointsOfLines)
-    own = lines.take(chosen)
-    measured, is_whole = points.of(session, own, MEASURED_AT_ONCE)
-    if not is_whole:
-        return [], False
-    return alike_of(taught, own, line_measures(lines, chosen, driven_path(session)) | measured), True
+    return points.of(session, lines)
+
+
+def lines_in_worker(session: SurveySession, lines: LineSet, chosen: IntArray) -> dict[str, FloatArray]:
+    """Return what the lines say of the chosen (k,) of them, by name, (k,) each."""
+    return line_measures(lines, chosen, driven_path(session))
 
 
 def alike_of(taught: Taught, own: LineSet, measures: dict[str, FloatArray]) -> list[Alike]:
     """Return which lines are like the examples, which are the first of them."""
-    is_example: BoolArray = np.arange(len(own)) < len(taught.examples)
+    is_example: BoolArray = np.arange(len(own)) < taught.n_looked_at
     right = ~is_example & np.isin(own.review, RIGHT_REVIEWS)
     return lines_alike(is_example, right, ~is_example & (own.review == ""), measures)
 

@@ -38,25 +38,21 @@ class PointsOfLines:
     def __init__(self) -> None:
         self._known: dict[int, tuple[float, ...]] = {}
 
-    def of(self, session: SurveySession, lines: LineSet, n_more: int) -> tuple[dict[str, FloatArray], bool]:
-        """Return the measures of `POINT_MEASURES` by name, (n,) each, and whether all lines were measured.
+    def of(self, session: SurveySession, lines: LineSet) -> dict[str, FloatArray]:
+        """Return the measures of `POINT_MEASURES` by name, (n,) each; NaN where there are no points.
 
-        NaN where there are no points, and where a line is not measured yet: `n_more` are measured at most, because
-        pictures wait meanwhile.
+        A line that is not known takes a hundredth of a second.
         """
         reader = patch_reader(session)
-        rows, n_new = np.full((len(lines), len(POINT_MEASURES)), np.nan), 0
-        is_whole = True
-        for i in range(len(lines) if reader is not None else 0):
-            xyz = lines[i].xyz
-            shape = hash((str(lines.kind[i]), xyz.tobytes()))
-            if shape not in self._known and n_new < n_more and reader is not None:
-                n_new += 1
-                self._known[shape] = point_measures(reader, str(lines.kind[i]), xyz)
-            if shape in self._known:
+        rows = np.full((len(lines), len(POINT_MEASURES)), np.nan)
+        if reader is not None:
+            for i in range(len(lines)):
+                xyz = lines[i].xyz
+                shape = hash((str(lines.kind[i]), xyz.tobytes()))
+                if shape not in self._known:
+                    self._known[shape] = point_measures(reader, str(lines.kind[i]), xyz)
                 rows[i] = self._known[shape]
-            is_whole &= shape in self._known
-        return dict(zip(POINT_MEASURES, rows.T, strict=True)), is_whole
+        return dict(zip(POINT_MEASURES, rows.T, strict=True))
 
 
 def point_measures(reader: PatchReader, kind: str, xyz: FloatArray) -> tuple[float, ...]:

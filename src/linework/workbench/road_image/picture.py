@@ -18,11 +18,12 @@ from linework.files.images.read import decoded_image, most_bytes
 from linework.files.images.screen import read_inside
 from linework.imaging.ground_views import (
     LONGEST_FOOTPRINT_M,
+    BestView,
     GroundView,
-    best_views,
     field_of_view,
     ground_view,
     image_values,
+    moved_poses,
     poses_near,
 )
 from linework.methods.stereo.road_plane import RoadShape, fit_pair_road
@@ -37,6 +38,9 @@ ROAD_IMAGE, ROAD_TITLE = "road", "Road image"
 COARSEST_ROAD_LEVEL = -1
 #: Images and tiles that are kept in memory: 8 of 2 megapixels in colour are 50 MB.
 _N_IMAGES, _N_TILES = 8, 96
+#: A pose nearer to the last one that is looked at is left out: 10 m ahead, footprints, which grow with the square of the
+#: distance, differ by less than 2 % then, and a van that waits has hundreds of poses at one place. [m]
+MOVED_M = 0.1
 
 
 def road_document() -> dict[str, object]:
@@ -93,16 +97,17 @@ class RoadImages:
         # The footprint of a pixel grows with the square of the distance
         eye_m = max(float(rig.left.position_m[2]), 1.0) + 3.0
         reach_m = float(np.sqrt(LONGEST_FOOTPRINT_M * rig.left.fy * eye_m))
-        near = poses_near(poses, low, high, reach_m).tolist()
+        near = moved_poses(poses, poses_near(poses, low, high, reach_m), MOVED_M).tolist()
         ground = None if self.surface is None else self._ground(tile, places)
         # Which image sees a place best hardly depends on its height: one pair's surface, carried along, decides that
         guess = next((shape for i in near if (shape := self._shape(i))), None) if ground is None else None
-        heights = [ground if ground is not None else self._own_ground(i, places, guess) for i in near]
-        views = [self._view(i, places, height) for i, height in zip(near, heights, strict=True)]
-        best = best_views(views, len(places))
-        for k in np.unique(best[best >= 0]).tolist():
-            i, own = near[k], np.flatnonzero(best == k)
-            image, pixels = self._image(i), views[k].pixels[own]
+        best = BestView.of(len(places))
+        for i in near:
+            height = ground if ground is not None else self._own_ground(i, places, guess)
+            best.look(i, self._view(i, places, height))
+        for i in np.unique(best.pose[best.pose >= 0]).tolist():
+            own = np.flatnonzero(best.pose == i)
+            image, pixels = self._image(i), best.pixels[own]
             if ground is None:
                 pixels = self._view(i, places[own], self._own_ground(i, places[own], self._shape(i))).pixels
             if image is None:
@@ -157,8 +162,9 @@ class RoadImages:
                 self._images[i] = decoded_image(data, path, camera, in_colour=True)
             except InputError:
                 self._images[i] = None
-            while len(self._images) > _N_IMAGES:
-                self._images.popitem(last=False)
+        self._images.move_to_end(i)
+        while len(self._images) > _N_IMAGES:
+            self._images.popitem(last=False)
         return self._images[i]
 
 
