@@ -45,7 +45,7 @@ def test_serves_the_survey(served):
     assert survey["who"]
     assert len(survey["path"]) > 10
     images = {image["name"]: image["classes"] for image in survey["images"]}
-    assert set(images) == {"density", "height", "above_road", "intensity", "class"}
+    assert set(images) == {"density", "height", "above_road", "intensity", "class", "road"}
     assert [name for name, classes in images.items() if classes] == ["class"]
     assert survey["tiles"]["resolutions"] == sorted(survey["tiles"]["resolutions"], reverse=True)
     kinds = {kind["kind"]: kind for kind in survey["kinds"]}

@@ -65,6 +65,8 @@ def test_the_same_fault_is_mended_elsewhere_as_one_edit(browser, served, dashes)
         before = plan.revision
         plan.press("Shift+M")
         wait_until(lambda: reviews(plan, others) == ["", "rejected", "rejected"])
+        # The file may be read before the page has heard of the edit
+        wait_until(lambda: plan.revision > before)
         assert plan.revision == before + 1
         wait_until(lambda: said(plan, "left") == "1")
         assert asked == [before], "mending teaches nothing anew"

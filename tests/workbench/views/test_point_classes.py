@@ -38,7 +38,7 @@ def test_a_tile_depends_on_the_lines_around_its_block_that_are_not_rejected():
 def test_tiles_of_all_levels_show_the_same(served):
     """What a coarse tile shows is the highest class of each square of cells of the finer ones."""
     survey = served.get("/api/survey")
-    assert survey["images"][-1]["name"] == "class"
+    assert "class" in [image["name"] for image in survey["images"]]
     resolutions, (west, north) = survey["tiles"]["resolutions"], survey["tiles"]["origin"]
     east_m, north_m = survey["middle"][:2]
     shown = {}
