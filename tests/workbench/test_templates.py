@@ -140,6 +140,6 @@ def test_what_is_edited_by_hand_stays_when_the_page_saves_or_removes_one(served)
     path.write_text(text.replace("edge_other", "hedge"), encoding="utf-8")
     wrong = path.read_text(encoding="utf-8")
     answer = put(served, KERB)
-    assert answer.status_code == 400 and "line 3" in answer.json()["problem"]
+    assert answer.status_code == 422 and "line 3" in answer.json()["problem"]
     assert path.read_text(encoding="utf-8") == wrong
     path.unlink()
