@@ -100,7 +100,7 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
     if isinstance(edit, AddWires):
         line = lines_of(app_state.line_file.lines, [edit.id])
         if str(line.kind[0]) != "cable":
-            raise UsageError(f"a {line.kind[0]} is no wire", where=edit.action, advice="select a cable")
+            raise UsageError(f"a {line.kind[0]} is not a wire", where=edit.action, advice="select a cable")
         return EditInputs(wires=await app_state.tracing.ask(wires_in_worker, line.xyz))
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
