@@ -30,8 +30,8 @@ def truth(made_drive):
     return read_lines(made_drive / "truth.gpkg")
 
 
-def put(served, *templates):
-    return served.client.put("/api/templates", json={"templates": list(templates)})
+def put(served, template):
+    return served.client.put("/api/templates", json=template)
 
 
 def in_order(lines):
@@ -59,12 +59,13 @@ def test_templates_are_kept_beside_the_lines(served):
         {"name": " "},
         {"name": "beside"},
         {"role": 'a"b'},
+        {"role": "verge"},
     ],
 )
 def test_a_template_with_a_fault_is_refused_and_the_old_ones_stay(served, change):
     put(served, KERB)
     wrong = {"name": "wrong", "nodes": [{**KERB["nodes"][0], **change}, KERB["nodes"][1]]}
-    answer = put(served, KERB, wrong)
+    answer = put(served, wrong)
     assert answer.status_code in (400, 422)
     assert served.get("/api/templates") == {"templates": [KERB]}
 
@@ -118,3 +119,27 @@ def test_the_lines_of_a_template_are_added_beside_a_saved_line(served, truth):
     )
     assert answer.status_code == 422 or answer.status_code == 400
     assert "no template" in answer.json()["problem"]
+
+
+def test_what_is_edited_by_hand_stays_when_the_page_saves_or_removes_one(served):
+    put(served, KERB)
+    path = served.lines.with_suffix(".templates.csv")
+    by_hand = "wall,foot,foot,2.000,0.000,edge_other,wall_foot\n"
+    text = path.read_text(encoding="utf-8").replace("0.100", "0.150") + by_hand
+    path.write_text(text, encoding="utf-8")
+    other = {"name": "other", "nodes": KERB["nodes"][1:]}
+    saved = put(served, other).json()["templates"]
+    assert [one["name"] for one in saved] == ["kerb", "wall", "other"]
+    assert saved[0]["nodes"][0]["up_m"] == 0.15
+    assert by_hand in path.read_text(encoding="utf-8")
+    again = put(served, {**other, "nodes": KERB["nodes"]}).json()["templates"]
+    assert [len(one["nodes"]) for one in again] == [2, 1, 2]
+    left = served.client.request("DELETE", "/api/templates", params={"name": "other"}).json()["templates"]
+    assert left == saved[:2]
+    # What cannot be read is not written over
+    path.write_text(text.replace("edge_other", "hedge"), encoding="utf-8")
+    wrong = path.read_text(encoding="utf-8")
+    answer = put(served, KERB)
+    assert answer.status_code == 422 and "line 3" in answer.json()["problem"]
+    assert path.read_text(encoding="utf-8") == wrong
+    path.unlink()

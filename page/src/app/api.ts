@@ -114,7 +114,10 @@ export const codes = () => getJson<{ text: string }>("/api/codes");
 export const saveCodes = (text: string) => sendJson<{ text: string }>("PUT", "/api/codes", { text });
 
 export const templates = () => getJson<{ templates: Template[] }>("/api/templates");
-export const saveTemplates = (all: Template[]) => sendJson<{ templates: Template[] }>("PUT", "/api/templates", { templates: all });
+// One by its name: the others stay as the file has them now
+export const saveTemplate = (one: Template) => sendJson<{ templates: Template[] }>("PUT", "/api/templates", one);
+export const removeTemplate = (name: string) =>
+  sendJson<{ templates: Template[] }>("DELETE", `/api/templates?name=${encodeURIComponent(name)}`);
 
 export async function exportLines(order: ExportOrder): Promise<{ name: string; blob: Blob; warnings: string[] }> {
   const response = await request("/api/export", {

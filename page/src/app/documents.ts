@@ -261,6 +261,7 @@ export type FollowMessage =
       trace: string; // held by the server until the next pick; saved by POST /api/changes {action: "keep"}
       lines: Line[];
       unseen?: string[]; // nodes of the template that the points show nowhere
+      left_out?: string; // the template that was interrupted: none of its lines are there; "": none was
       stops: [string, string]; // why it stopped at the start and at the end
       choices: [string[], string[]]; // at each end: "bridge", "continue"
       distance_m: number;

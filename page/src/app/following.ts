@@ -18,6 +18,7 @@ export interface Growth {
   distance_m: number;
   interrupted: boolean;
   unseen: string[]; // nodes of the template that the points show nowhere
+  left_out: string; // the template that was interrupted
   at: Place | null; // the last click
   continueFrom: { id: string; end: End } | null; // the next click continues there; id "": the followed line itself
   refusal: { reason: string; advice: string; works: Place | null; works_px: [number, number] | null } | null;
@@ -25,7 +26,7 @@ export interface Growth {
 
 const IDLE: Growth = {
   state: "idle", trace: "", lines: [], area: [], pair: null, sighting: null, stops: ["", ""], choices: [[], []],
-  distance_m: 0, interrupted: false, unseen: [], at: null, continueFrom: null, refusal: null,
+  distance_m: 0, interrupted: false, unseen: [], left_out: "", at: null, continueFrom: null, refusal: null,
 };
 
 // What the page does for the follower
@@ -181,8 +182,8 @@ export class Following {
     if (message.type === "seen") return this.update({ trace: message.trace, sighting: { ...message } });
     this.grown = message.lines;
     if (message.type === "grown") return this.update({ trace: message.trace, lines: this.remaining() });
-    const { trace, stops, choices, distance_m, interrupted, unseen = [] } = message;
-    this.update({ state: "stopped", trace, lines: this.remaining(), stops, choices, distance_m, interrupted, unseen });
+    const { trace, stops, choices, distance_m, interrupted, unseen = [], left_out = "" } = message;
+    this.update({ state: "stopped", trace, lines: this.remaining(), stops, choices, distance_m, interrupted, unseen, left_out });
   }
 
   private disconnected(): void {

@@ -25,13 +25,12 @@ export class TemplateBook {
 
   // Save one under its name, replacing one of the same name, and choose it
   async save(template: Template): Promise<void> {
-    const others = this.all.filter(({ name }) => name !== template.name);
-    this.take((await api.saveTemplates([...others, template])).templates);
+    this.take((await api.saveTemplate(template)).templates);
     this.choose(template.name);
   }
 
   async remove(name: string): Promise<void> {
-    this.take((await api.saveTemplates(this.all.filter((one) => one.name !== name))).templates);
+    this.take((await api.removeTemplate(name)).templates);
   }
 
   choose(name: string): void {

@@ -91,7 +91,10 @@ export class SectionView implements Pane {
       if (line) this.centre = [0, nearestOn(line.xyz, station.at)?.station.z ?? station.z];
       this.draw();
     });
-    app.on("lines", () => this.draw());
+    app.on("lines", () => {
+      this.maker.moved(this.nodes(), this.station);
+      this.draw();
+    });
     canvas.addEventListener("pointerdown", (event) => this.press(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
     canvas.addEventListener("pointerup", () => void this.release());
@@ -109,7 +112,7 @@ export class SectionView implements Pane {
     const { line, station } = this;
     const onto = line && nearestOn(line.xyz, station.at)?.station;
     if (onto) this.moveTo(onto);
-    this.maker.start(this.nodes().find((node) => node.line.id === line?.id));
+    this.maker.start(this.nodes().find((node) => node.line.id === line?.id), this.station);
   }
 
   private step(by_m: number): void {
@@ -130,6 +133,7 @@ export class SectionView implements Pane {
     this.station = station;
     this.drag.end();
     this.centre = [0, station.z];
+    this.maker.moved(this.nodes(), this.station);
     this.load();
   }
 

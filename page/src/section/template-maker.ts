@@ -7,7 +7,7 @@ import type { TemplateNode } from "../app/documents";
 import { EDGES } from "../app/templates";
 import { fill } from "../controls/bar";
 import { button, element } from "../controls/element";
-import type { SectionNode } from "./nodes";
+import { inSection, type Plane, type SectionNode } from "./nodes";
 import { CANVAS } from "../controls/colours";
 import type { Frame } from "./rendering";
 
@@ -24,6 +24,7 @@ export class TemplateMaker {
   private readonly words = element("p", { class: "quiet", role: "status" });
   private nodes: TemplateNode[] = [];
   private origin: SectionNode | null = null;
+  private side: 1 | -1 = 1; // -1: the line runs against the direction that the section looks in
 
   constructor(private readonly app: App, private readonly changed: () => void) {
     const heads = ["Node", "Edge", "Across [m]", "Up [m]", "Kind", "Role", ""].map((text) => element("th", {}, text));
@@ -34,6 +35,7 @@ export class TemplateMaker {
         button("Close without saving", "Close", () => this.end())),
       this.words,
       element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.rows),
+      element("datalist", { id: "template-roles" }, ...app.survey.choices.role.map((value) => element("option", { value }))),
     );
     this.element.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -50,16 +52,35 @@ export class TemplateMaker {
   }
 
   // `origin`: where the section crosses the line that the nodes are measured from
-  start(origin: SectionNode | undefined): void {
+  start(origin: SectionNode | undefined, plane: Plane): void {
     if (!origin)
       return this.app.emit("message", { text: "Select the line that the template is to be followed with (the foot of a kerb, say), where the section crosses it.", kind: "info" });
-    this.origin = origin;
+    this.measureFrom(origin, plane);
     this.nodes = [];
     this.name.value = "";
     this.element.hidden = false;
     this.say(`Click the nodes beside the ${this.app.title(origin.line.kind).toLowerCase()} in the section, then name them; ⤢ makes room.`);
     this.show();
     this.name.focus();
+  }
+
+  // The section has moved, or its lines have changed: nodes are measured from where it crosses the same line now
+  moved(crossing: readonly SectionNode[], plane: Plane): void {
+    const { origin } = this;
+    if (!origin) return;
+    const here = crossing.filter(({ line }) => line.id === origin.line.id).sort((a, b) => Math.abs(a.x) - Math.abs(b.x))[0];
+    if (here) return this.measureFrom(here, plane);
+    this.end();
+    this.app.emit("message", { text: "The template is closed: the section does not cross its line here.", kind: "info" });
+  }
+
+  // Nodes are to the right of the line's own direction
+  private measureFrom(origin: SectionNode, plane: Plane): void {
+    const { line, after } = origin;
+    const first = Math.min(after, line.xyz.length - 2);
+    const [a, b] = [line.xyz[first]!, line.xyz[first + 1]!];
+    this.origin = origin;
+    this.side = inSection(plane, b)[1] < inSection(plane, a)[1] ? -1 : 1;
   }
 
   end(): void {
@@ -71,7 +92,7 @@ export class TemplateMaker {
   // A node at a click in the section; `crossing`: the lines that cross it
   click(x: number, z: number, crossing: readonly SectionNode[]): void {
     const { origin } = this;
-    if (origin) this.add(x - origin.x, z - origin.z, crossing.filter((node) => node.line.id !== origin.line.id));
+    if (origin) this.add(this.side * (x - origin.x), z - origin.z, crossing.filter((node) => node.line.id !== origin.line.id));
   }
 
   draw(context: CanvasRenderingContext2D, frame: Frame): void {
@@ -79,7 +100,7 @@ export class TemplateMaker {
     if (!origin) return;
     context.font = "12px system-ui, sans-serif";
     for (const node of this.nodes) {
-      const [px, py] = frame.toPx(origin.x + node.across_m, origin.z + node.up_m);
+      const [px, py] = frame.toPx(origin.x + this.side * node.across_m, origin.z + node.up_m);
       context.strokeStyle = CANVAS.selected;
       context.lineWidth = 2;
       context.strokeRect(px - 5, py - 5, 10, 10);
@@ -91,7 +112,7 @@ export class TemplateMaker {
   private add(across_m: number, up_m: number, crossing: readonly SectionNode[]): void {
     const { origin } = this;
     if (!origin) return;
-    const near = crossing.find((node) => Math.hypot(node.x - origin.x - across_m, node.z - origin.z - up_m) < SAME_M);
+    const near = crossing.find((node) => Math.hypot(node.x - origin.x - this.side * across_m, node.z - origin.z - up_m) < SAME_M);
     const kind = near?.line.kind.replace(/_stereo$/, "") ?? "edge_other";
     const edge = EDGE_OF[kind] ?? "break";
     const name = this.freeName(near ? edge : "node");

@@ -122,3 +122,26 @@ def test_a_template_without_a_selected_line_says_what_to_do(plan):
     plan.page.get_by_role("button", name="Make a template of this cross-section").click()
     wait_until(lambda: "Select the line" in plan.message)
     assert plan.page.locator(".template-maker").is_hidden()
+
+
+def test_nodes_are_measured_from_where_the_moved_section_crosses_the_line(plan):
+    kerb = kerb_of(plan)
+    canvas, nodes = section_of(plan, kerb)
+    plan.page.get_by_role("button", name="Make a template of this cross-section").click()
+    maker = plan.page.locator(".template-maker")
+    before = nodes()[0]["px"]
+    # Without a selected line, the section goes through the place itself
+    plan.page.locator(".plan-view .map").focus()
+    plan.press("Escape")
+    wait_until(lambda: not plan.selected)
+    east, north = middle_of(kerb.xyz)
+    plan.look_at((east + 1.5, north + 1.5))
+    wait_until(lambda: len(nodes()) == 1 and abs(nodes()[0]["px"][0] - before[0]) > 10)
+    x, y = nodes()[0]["px"]
+    canvas.click(position={"x": x + 0.5 * pixels_per_metre(plan), "y": y})
+    assert float(plan.page.get_by_label("Distance across of node 1").input_value()) == pytest.approx(0.5, abs=0.05)  # fmt: skip
+    assert maker.is_visible()
+    plan.page.locator(".plan-view .map").focus()
+    plan.look_at((east + 40.0, north + 40.0))
+    wait_until(maker.is_hidden)
+    assert "does not cross its line" in plan.message

@@ -130,6 +130,17 @@ def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
     return lines.with_columns(**{column: np.full(len(lines), value)})
 
 
+def choices_for(column: str, kind: str) -> tuple[str, ...]:
+    """Return the values that can be chosen for a column of a kind; none where it does not apply to it.
+
+    >>> choices_for("role", "edge_other"), choices_for("role", "kerb_top")
+    (('gutter', 'footway_back', 'verge', 'wall_foot'), ())
+    """
+    if kind not in KINDS_WITH.get(column, (kind,)):
+        return ()
+    return _CHOICES_OF.get(column, {}).get(kind, CHOICES.get(column, ()))
+
+
 def check_line_kind(kind: str) -> None:
     """Raise an error for a kind that is not one of `KINDS`.
 

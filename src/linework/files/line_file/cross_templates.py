@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from linework.editing.edits.attributes import choices_for
 from linework.errors import InputError
 from linework.files.input import read_input_text
-from linework.files.logs.tables import read_text_table
+from linework.files.logs.tables import finite_number, header_cells, read_text_table
+from linework.files.logs.text import text_lines
 from linework.methods.templates.template import (
     FARTHEST_NODE_M,
     HIGHEST_NODE_M,
@@ -26,6 +28,8 @@ _COLUMNS = ("template", "node", "edge", "across_m", "up_m", "kind", "role")
 _LONGEST_TABLE = 1 << 19
 #: Characters that a table keeps for itself.
 _NOT_IN_NAMES = ',;"\t'
+#: Numbers as spreadsheets write them: Python reads 1_0 as ten.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
 def read_cross_templates(path: Path) -> tuple[CrossTemplate, ...]:
@@ -34,10 +38,11 @@ def read_cross_templates(path: Path) -> tuple[CrossTemplate, ...]:
     Raises
     ------
     InputError
-        The file cannot be read, a column is missing, or a row is wrong; the message names its line.
+        The file cannot be read, a column is missing or unknown, or a row is wrong; the message names its line.
     """
     read_input_text(path, max_bytes=_LONGEST_TABLE, advice="keep one row for each node")
     table = read_text_table(path, _COLUMNS)
+    _refuse_unknown_columns(path)
     if table.bad_lines:
         raise _wrong(table.bad_lines[0], "other cells than the header", path)
     found: dict[str, list[TemplateNode]] = {}
@@ -81,18 +86,33 @@ def _node(row: Mapping[str, str], line: int, where: Path) -> TemplateNode:
         raise _wrong(line, f"the edge is one of {', '.join(NODE_EDGES)}", where)
     if kind not in KINDS:
         raise _wrong(line, f"the kind is one of {', '.join(KINDS)}", where)
-    role = _name(row["role"], line, where) if row["role"].strip() else ""
+    role, roles = row["role"].strip(), choices_for("role", kind)
+    if role and not roles:
+        raise _wrong(line, f"{kind} has no role", where)
+    if role and role not in roles:
+        raise _wrong(line, f"the role of {kind} is one of {', '.join(roles)}, or empty", where)
     return TemplateNode(_name(row["node"], line, where), edge, across_m, up_m, kind, role)
 
 
 def _metres(row: Mapping[str, str], column: str, line: int, where: Path) -> float:
-    try:
-        value = float(row[column])
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    text = row[column].strip()
+    value = finite_number(text) if _NUMBER.fullmatch(text) else None
+    if value is None:
         raise _wrong(line, f"{column} is a number in metres", where)
     return value
+
+
+def _refuse_unknown_columns(path: Path) -> None:
+    """Refuse a table with more columns than ours, or one twice: they would be lost when the page saves a template."""
+    _, cells = header_cells(text_lines(path)[0][1])
+    left = list(cells)
+    for column in _COLUMNS:
+        left.remove(column)
+    if left:
+        raise InputError(
+            f"unknown column {left[0][:LONGEST_NODE_NAME]!r}", where=path,
+            advice=f"the columns are {', '.join(_COLUMNS)}",
+        )  # fmt: skip
 
 
 def _name(text: str, line: int, where: Path) -> str:

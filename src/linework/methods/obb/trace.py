@@ -134,10 +134,15 @@ def end_directions(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     return tips, outward / np.maximum(np.hypot(*outward.T), 1e-9)[:, None]
 
 
+def closes_on_itself(line: FloatArray) -> bool:
+    """Return whether a line (n, 3) ends where it starts, as the kerb of an island does."""
+    return len(line) > 4 and float(np.hypot(*(line[0, :2] - line[-1, :2]))) <= _RING_M
+
+
 def stop_reasons(line: FloatArray, visible: Sight) -> tuple[TraceStop, TraceStop]:
     """Return why a line (n, 3) ends at its start and at its end."""
     tips, outward = end_directions(line)
-    if len(line) > 4 and float(np.hypot(*(tips[0] - tips[1]))) <= _RING_M:
+    if closes_on_itself(line):
         return TraceStop.RING, TraceStop.RING
     start, end = (_stop(tip, ahead, visible) for tip, ahead in zip(tips, outward, strict=True))
     return start, end

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +25,9 @@ from linework.model.lines import LineSet
 TEMPLATE_STATION_M = 0.5
 #: Stations that show on which side of the line a template lies.
 _FEW_STATIONS = 40
-#: Length of line whose points are read together. [m]
-_PIECE_M = 16.0
+#: Length of line whose points are read together [m]; stations after which `template_steps` lets others speak: half a
+#: second of work with twenty nodes.
+_PIECE_M, _STEP_STATIONS = 16.0, 4
 #: Change of an edge's offset from one station to the next: what is built parallel wanders by 1 cm, and on one of ten
 #: thousand stations, 5 km, it begins anew where the template has it (another kerbstone). [m]
 _WANDERS_M, _BEGINS_ANEW = 0.01, 1e-4
@@ -74,6 +75,10 @@ class TemplateLines:
     unseen: tuple[str, ...]
 
 
+#: The work of `template_steps`, which yields while it lasts.
+TemplateSteps = Generator[None, object, TemplateLines]
+
+
 def lines_of_template(line: LineSet, template: CrossTemplate, points_in: AreaPoints) -> TemplateLines:
     """Return the parallel lines of a template, as the points show them.
 
@@ -90,13 +95,27 @@ def lines_of_template(line: LineSet, template: CrossTemplate, points_in: AreaPoi
         With a vertex every `TEMPLATE_STATION_M`, from the first to the last station where the node's edge was measured; bridged
         between them where it was not. The template is mirrored where the points say so.
     """
+    steps = template_steps(line, template, points_in)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: TemplateLines = end.value
+            return found
+
+
+def template_steps(line: LineSet, template: CrossTemplate, points_in: AreaPoints) -> TemplateSteps:
+    """Find the lines of a template as `lines_of_template` does, and yield every metre or two, so that it can be left."""
     course = _Course.of(line.xyz)
     n = len(course.at_m)
     few = np.arange(n) if n <= _FEW_STATIONS else np.linspace(0, n - 1, _FEW_STATIONS).astype(np.int64)
     sides = (template.nodes, tuple(node.mirrored for node in template.nodes))
-    totals = [sum(path.total for path in _paths(course, nodes, points_in, few)) for nodes in sides]
+    totals = []
+    for side in sides:
+        paths = yield from _paths(course, side, points_in, few)
+        totals.append(sum(path.total for path in paths))
     nodes = sides[int(totals[1] > totals[0])]
-    paths = _paths(course, nodes, points_in, np.arange(n))
+    paths = yield from _paths(course, nodes, points_in, np.arange(n))
     lines, names, unseen = [], [], []
     for node, path in zip(nodes, paths, strict=True):
         made = _fixed(line, course, node) if node.edge == "fixed" else _line(line, course, node, path)
@@ -111,15 +130,21 @@ def lines_of_template(line: LineSet, template: CrossTemplate, points_in: AreaPoi
 
 def _paths(
     course: _Course, nodes: tuple[TemplateNode, ...], points_in: AreaPoints, stations: IntArray
-) -> list[_Path]:
-    """Return the path of each node over some stations."""
+) -> Generator[None, object, list[_Path]]:
+    """Find the path of each node over some stations."""
     seen = [[nothing_said()] * len(stations) for _ in nodes]
     reach_m = max((abs(node.across_m) for node in nodes), default=0.0) + USED_M
     for i, (x, z, bright) in enumerate(_points_of_stations(course, reach_m, points_in, stations)):
+        if i % _STEP_STATIONS == 0:
+            yield
         for node, of_node in zip(nodes, seen, strict=True):
             if node.edge != "fixed":
                 of_node[i] = edge_evidence(node.edge, x - node.across_m, z - node.up_m, bright)
-    return [_Path.of(of_node, _up_sigma(node)) for node, of_node in zip(nodes, seen, strict=True)]
+    paths = []
+    for node, of_node in zip(nodes, seen, strict=True):
+        yield
+        paths.append(_Path.of(of_node, _up_sigma(node)))
+    return paths
 
 
 @dataclass(frozen=True, slots=True)

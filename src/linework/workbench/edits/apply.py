@@ -53,7 +53,7 @@ from linework.workbench.edits.orders import (
     TrimLine,
     positions_of,
 )
-from linework.workbench.edits.template_lines import with_template
+from linework.workbench.edits.template_lines import parts_beside, with_template, without_twins
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,19 +226,25 @@ def _kept(edit: KeepTrace, lines: LineSet, inputs: EditInputs) -> Change:
     if inputs.kept is None or len(inputs.kept) == 0:
         raise AbsentError("the followed line is gone", where="keep", advice="follow it again")
     continues = None if edit.continues is None else lines_of(lines, [edit.continues])
-    change = kept_change(lines, inputs.kept, (edit.first, edit.last), continues)
+    span = edit.first, min(edit.last, int(inputs.kept.offsets[1]) - 1)
     if inputs.beside is None or not len(inputs.beside):
-        return change
-    span = trim_to_vertices(
-        inputs.kept.take([0]), edit.first, min(edit.last, int(inputs.kept.offsets[1]) - 1)
-    )
-    return with_template(change, inputs.beside, lines, span)
+        return kept_change(lines, inputs.kept, span, continues)
+    along = trim_to_vertices(inputs.kept.take([0]), *span)
+    parts = parts_beside(inputs.beside, along)
+    # Before they are joined with saved lines, which would go with them
+    own = without_twins(inputs.kept, parts)
+    return with_template(kept_change(lines, own, span, continues), parts, lines, along)
 
 
 def _with_template(edit: LinesBeside, lines: LineSet, inputs: EditInputs) -> Change:
     line, empty = lines_of(lines, [edit.id]), LineSet.empty(lines.crs)
-    beside = empty if inputs.beside is None else inputs.beside
-    return with_template(Change(edit.action, empty, empty), beside, lines, line)
+    parts = parts_beside(empty if inputs.beside is None else inputs.beside, line)
+    if not parts:
+        raise UsageError(
+            "the points show no edge of the template beside the line", where="template",
+            advice="look at a section across it, or choose another template",
+        )  # fmt: skip
+    return with_template(Change(edit.action, empty, empty), parts, lines, line)
 
 
 def _with_wires(edit: AddWires, lines: LineSet, inputs: EditInputs) -> Change:

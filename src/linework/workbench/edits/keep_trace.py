@@ -93,7 +93,7 @@ def kept_change(
         for k in companions_of(others, trace[0].xyz[first : last + 1], kind).tolist() if len(others) else []:
             companion = others.take([k]).with_columns(id=np.array([""]))
             if kind in _WHOLE_KINDS:
-                new += [] if _touching(companion, lines, gone).size else [companion]
+                new += [] if lines_touching(companion, lines, gone).size else [companion]
                 continue
             companion, absorbed = grown_line(companion, lines, gone)
             new, gone = [*new, companion], gone + absorbed
@@ -135,14 +135,14 @@ def _mistaken(one: LineSet, lines: LineSet) -> list[int]:
     """Return the indices of bars and arrows that are part of a marking."""
     if str(one.kind[0]) != "lane_marking":
         return []
-    bars = _touching(one.with_columns(kind=np.array(["road_marking_other"])), lines, [])
+    bars = lines_touching(one.with_columns(kind=np.array(["road_marking_other"])), lines, [])
     return [k for k in bars.tolist() if _is_on(lines[k].xyz[:, :2], one.xyz[:, :2]).mean() > _MOST]
 
 
 def grown_line(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:
     """Return a line joined with those of its kind that it overlaps, not `gone` ones, and their indices."""
     absorbed: list[int] = []
-    for k in _touching(one, lines, gone).tolist():
+    for k in lines_touching(one, lines, gone).tolist():
         other = lines.take([k])
         whole = continue_lines(one, other, _OVERLAPPING)
         if len(whole) > 1:
@@ -167,8 +167,8 @@ def _longer(one: LineSet, other: LineSet) -> LineSet:
     return one if on_one >= on_other else other
 
 
-def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
-    """Return the indices of lines of its kind, not rejected and not `gone`, that have a vertex on a line."""
+def lines_touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
+    """Return the indices of lines of its kind, not rejected and not `gone`, that have a vertex on a line in plan."""
     xy = one.xyz[:, :2]
     low, high = xy.min(axis=0) - SAME_LINE_M, xy.max(axis=0) + SAME_LINE_M
     candidates = (lines.kind == one.kind[0]) & (lines.review != "rejected")

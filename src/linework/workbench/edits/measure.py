@@ -30,7 +30,7 @@ from linework.workbench.edits.orders import (
 )
 from linework.workbench.following.beside import template_beside
 from linework.workbench.following.templates import template_of_survey
-from linework.workbench.following.traces import kept_trace
+from linework.workbench.following.traces import INTERRUPT, kept_trace
 from linework.workbench.following.wires import wires_in_worker
 from linework.workbench.review.paint import dash_spans
 from linework.workbench.server.app_state import AppState
@@ -88,14 +88,19 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
     if isinstance(edit, LinesBeside):
         line = lines_of(app_state.line_file.lines, [edit.id])
         template = await asyncio.to_thread(template_of_survey, app_state, edit.template)
-        found = await app_state.tracing.ask(template_beside, line, template)
-        return EditInputs(beside=found.lines)
+        async with app_state.tracing.request(template_beside, line, template) as request:
+            with app_state.traces.interruptible(lambda: request.send(INTERRUPT)):
+                async for _ in request:
+                    pass
+        if request.result is None:
+            raise UsageError(
+                "interrupted: a line is followed", where=edit.action, advice="ask for the template again"
+            )
+        return EditInputs(beside=request.result.lines)
     if isinstance(edit, AddWires):
         line = lines_of(app_state.line_file.lines, [edit.id])
         if str(line.kind[0]) != "cable":
-            raise UsageError(
-                f"a {line.kind[0]} hangs from no poles", where=edit.action, advice="select a cable"
-            )
+            raise UsageError(f"a {line.kind[0]} is not a wire", where=edit.action, advice="select a cable")
         return EditInputs(wires=await app_state.tracing.ask(wires_in_worker, line.xyz))
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))

@@ -5,21 +5,26 @@ Separate from `templates`, because it runs in the worker.
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import AbsentError
-from linework.methods.templates.parallel import TemplateLines, lines_of_template
+from linework.methods.templates.parallel import TemplateLines, template_steps
 from linework.methods.templates.template import CrossTemplate
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
+from linework.workbench.following.traces import INTERRUPT
 from linework.workbench.worker.session import SurveySession
 
 
 def template_beside(
     session: SurveySession, lines: LineSet, template: CrossTemplate | None
-) -> TemplateLines | None:
-    """Return the lines of a template beside the first of some lines; None without a template or without a line.
+) -> Generator[None, object, TemplateLines | None]:
+    """Find the lines of a template beside the first of some lines; None without either, or after `INTERRUPT`.
+
+    It yields every metre or two of the line: a request that is silent is taken for hung.
 
     Raises
     ------
@@ -44,4 +49,12 @@ def template_beside(
         )
         return points.xyz, bright
 
-    return lines_of_template(lines.take([0]), template, points_in)
+    steps = template_steps(lines.take([0]), template, points_in)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: TemplateLines = end.value
+            return found
+        if (yield) == INTERRUPT:
+            return None

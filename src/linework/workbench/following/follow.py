@@ -21,8 +21,8 @@ from linework.methods.picked_edge.method import SIDES, EdgeStep
 from linework.methods.templates.parallel import TemplateLines
 from linework.methods.templates.template import CrossTemplate
 from linework.model.lines import LineSet
-from linework.tracing.in_images import ImageTracer, TracedEdge
-from linework.tracing.trace import RefusedPickError, Trace, TracedLine, Tracer, check_pick_kind
+from linework.tracing.in_images import ImageTracer
+from linework.tracing.trace import RefusedPickError, Trace, Tracer, check_pick_kind
 from linework.workbench.following.beside import template_beside
 from linework.workbench.following.messages import (
     FollowPixel,
@@ -33,11 +33,9 @@ from linework.workbench.following.messages import (
     sighting_message,
     stopped_message,
 )
-from linework.workbench.following.traces import KeptTrace
+from linework.workbench.following.traces import INTERRUPT, KeptTrace
 from linework.workbench.worker.session import SurveySession
 
-#: Sent to a request: stop at the next step, and return what there is.
-INTERRUPT = "interrupt"
 #: Shortest time between two messages about a growing line: ten a second look smooth. [s]
 LEAST_S = 0.1
 
@@ -70,8 +68,8 @@ def follow_in_worker(
     except LineworkError as error:
         yield FollowMessage(refusal_message(error))
         return
-    beside = template_beside(session, found.lines, template)
-    yield _stopped(trace_id, found, is_interrupted=is_interrupted, beside=beside)
+    trace = yield from _with_template(session, KeptTrace(found.lines, stops=found.stops), template)
+    yield _stopped(trace_id, trace, found.distance_m, is_interrupted=is_interrupted)
 
 
 def bridge_in_worker(
@@ -89,8 +87,8 @@ def bridge_in_worker(
         kept = replace(trace, stops=stops)
         yield FollowMessage(stopped_message(trace_id, kept, distance_m=0.0, is_interrupted=False), kept)
         return
-    beside = template_beside(session, found.lines, template)
-    yield _stopped(trace_id, found, is_interrupted=is_interrupted, beside=beside)
+    trace = yield from _with_template(session, KeptTrace(found.lines, stops=found.stops), template)
+    yield _stopped(trace_id, trace, found.distance_m, is_interrupted=is_interrupted)
 
 
 def follow_image_in_worker(session: SurveySession, order: FollowPixel, trace_id: str) -> Telling:
@@ -109,7 +107,8 @@ def follow_image_in_worker(session: SurveySession, order: FollowPixel, trace_id:
     except LineworkError as error:
         yield FollowMessage(refusal_message(error, in_image=True))
         return
-    yield _stopped(trace_id, found, is_interrupted=is_interrupted)
+    trace = KeptTrace(found.lines, in_images=True, stops=found.stops)
+    yield _stopped(trace_id, trace, 0.0, is_interrupted=is_interrupted)
 
 
 def _streamed(
@@ -173,18 +172,27 @@ def _grown(trace_id: str, lines: LineSet, *, in_images: bool = False) -> FollowM
     return FollowMessage(growth_message(trace_id, lines), KeptTrace(lines, in_images))
 
 
-def _stopped(
-    trace_id: str,
-    found: TracedLine | TracedEdge,
-    *,
-    is_interrupted: bool,
-    beside: TemplateLines | None = None,
-) -> FollowMessage:
-    in_images = isinstance(found, TracedEdge)
-    trace = KeptTrace(found.lines, in_images, found.stops)
+def _with_template(
+    session: SurveySession, trace: KeptTrace, template: CrossTemplate | None
+) -> Generator[FollowMessage, Any, KeptTrace]:
+    """Find the lines of a template beside a line that has stopped; an interrupt leaves them out."""
+    steps = template_beside(session, trace.lines, template)
+    received = None
+    while True:
+        try:
+            steps.send(received)
+        except StopIteration as end:
+            beside: TemplateLines | None = end.value
+            break
+        received = yield _NOTHING
     if beside is not None:
-        trace = replace(trace, beside=beside.lines, unseen=beside.unseen)
-    distance_m = found.distance_m if isinstance(found, TracedLine) else 0.0
+        return replace(trace, beside=beside.lines, unseen=beside.unseen)
+    if template is not None and received == INTERRUPT:
+        return replace(trace, left_out=template.name)
+    return trace
+
+
+def _stopped(trace_id: str, trace: KeptTrace, distance_m: float, *, is_interrupted: bool) -> FollowMessage:
     text = stopped_message(trace_id, trace, distance_m=distance_m, is_interrupted=is_interrupted)
     return FollowMessage(text, trace)
 

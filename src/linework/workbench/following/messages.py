@@ -127,6 +127,7 @@ def stopped_message(trace_id: str, trace: KeptTrace, *, distance_m: float, is_in
             "trace": trace_id,
             "lines": line_documents(trace.shown),
             "unseen": list(trace.unseen),
+            "left_out": trace.left_out,
             "stops": list(trace.stops),
             "choices": choices,
             "distance_m": round(distance_m, 3),

@@ -12,7 +12,6 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from linework.errors import LineworkError, UsageError
 from linework.methods.templates.template import CrossTemplate
 from linework.workbench.following.follow import (
-    INTERRUPT,
     bridge_in_worker,
     follow_image_in_worker,
     follow_in_worker,
@@ -28,6 +27,7 @@ from linework.workbench.following.messages import (
     stopped_message,
 )
 from linework.workbench.following.templates import template_of_survey
+from linework.workbench.following.traces import INTERRUPT
 from linework.workbench.server.app_state import AppState, state_of_socket
 
 follow_router = APIRouter(prefix="/api")

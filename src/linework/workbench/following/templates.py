@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
+import threading
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from pydantic import Field
 
 from linework.errors import InputError
@@ -100,15 +101,38 @@ async def get_templates(app_state: CurrentState) -> TemplateList:
 
 
 @template_router.put("/templates")
-async def save_templates(order: TemplateList, app_state: CurrentState) -> TemplateList:
-    """Save the survey's templates; with a fault they are refused, and the old ones stay."""
+async def save_template(order: TemplateDocument, app_state: CurrentState) -> TemplateList:
+    """Save a template under its name among those of the file; with a fault it is refused, and the file stays."""
     path = templates_path(app_state.line_file.path)
-    made = [
-        CrossTemplate(one.name, tuple(TemplateNode(**node.model_dump()) for node in one.nodes))
-        for one in order.templates
-    ]
-    # Read again, which checks kinds, edges and names
-    return _documents(await asyncio.to_thread(_save, text_of_templates(made), path))
+    made = CrossTemplate(order.name.strip(), tuple(TemplateNode(**node.model_dump()) for node in order.nodes))
+    return _documents(await asyncio.to_thread(_changed, path, made.name, made))
+
+
+@template_router.delete("/templates")
+async def remove_template(
+    name: Annotated[str, Query(min_length=1, max_length=LONGEST_NODE_NAME)], app_state: CurrentState
+) -> TemplateList:
+    """Remove the template with a name, if the file has one; the others stay."""
+    path = templates_path(app_state.line_file.path)
+    return _documents(await asyncio.to_thread(_changed, path, name, None))
+
+
+#: Held while the file is read, changed and written: two pages may save at once.
+_CHANGING = threading.Lock()
+
+
+def _changed(path: Path, name: str, made: CrossTemplate | None) -> tuple[CrossTemplate, ...]:
+    """Replace, add or (None) remove the template with a name in what the file says now: others may have edited it."""
+    with _CHANGING:
+        found = {one.name: one for one in survey_templates(path)}
+        if made is not None:
+            found[name] = made
+        elif name not in found:
+            return tuple(found.values())
+        else:
+            del found[name]
+        # Read again, which checks kinds, edges and names
+        return _save(text_of_templates(list(found.values())), path)
 
 
 def _save(text: str, path: Path) -> tuple[CrossTemplate, ...]:
@@ -123,7 +147,6 @@ def _save(text: str, path: Path) -> tuple[CrossTemplate, ...]:
         tried = Path(folder) / path.name
         write(tried)
         check(tried)
-    survey_templates(path)
     publish(path, write, check, overwrite=True)
     return survey_templates(path)
 

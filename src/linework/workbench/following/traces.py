@@ -14,6 +14,8 @@ from linework.model.lines import LineSet
 if TYPE_CHECKING:
     from linework.workbench.server.app_state import AppState
 
+#: Sent to a request: stop at the next step, and return what there is.
+INTERRUPT = "interrupt"
 #: Traces that are kept: those of all open pages, and some before them.
 MOST_KEPT = 32
 
@@ -34,6 +36,8 @@ class KeptTrace:
         The lines of a template beside it; None: without a template, or while it grows.
     unseen
         Nodes of the template that were seen nowhere.
+    left_out
+        Name of the template that was interrupted, so that none of its lines are there; "": none was.
     """
 
     lines: LineSet
@@ -41,6 +45,7 @@ class KeptTrace:
     stops: tuple[str, str] = ("", "")
     beside: LineSet | None = None
     unseen: tuple[str, ...] = ()
+    left_out: str = ""
 
     @property
     def shown(self) -> LineSet:
