@@ -43,28 +43,25 @@ class HungWires:
 
 def wires_along(pieces: RailPieces, wire: FloatArray) -> HungWires | None:
     """Return the wires that hang with a wire (n, 3) [m, world] from pole to pole; None: the points show none there."""
-    lines = _cables(pieces.each_once_about(wire[:, :2]))
+    lines, n_own = _cables(pieces.each_once_about(wire[:, :2])), 0
     while True:
         own = _same(lines, wire)
         if own is None:
             return None
         numbers = conductors(lines)
-        conductor = lines.take(numbers == numbers[own])
-        grown = lines
-        for places in _ahead(conductor):
-            grown = _cables(pieces.each_once_about(places))
-            numbers = conductors(grown)
-            again = _same(grown, wire)
-            if again is None or np.count_nonzero(numbers == numbers[again]) > len(conductor):
+        is_own = numbers == numbers[own]
+        # Either it has grown, or everything ahead was searched in vain
+        if not n_own < np.count_nonzero(is_own) < MOST_FOLLOWED_SPANS:
+            break
+        n_own = int(np.count_nonzero(is_own))
+        for places in _ahead(lines.take(is_own)):
+            lines = _cables(pieces.each_once_about(places))
+            again, numbers = _same(lines, wire), conductors(lines)
+            if again is None or np.count_nonzero(numbers == numbers[again]) > n_own:
                 break
-        else:
-            break
-        lines = grown
-        if len(conductor) >= MOST_FOLLOWED_SPANS:
-            break
-    named, numbers = with_networks(lines), conductors(lines)
+    named = with_networks(lines)
     beside = named.circuit == named.circuit[own]
-    return HungWires(named.take(beside), numbers[beside] == numbers[own])
+    return HungWires(named.take(beside), is_own[beside])
 
 
 def _cables(lines: LineSet) -> LineSet:
