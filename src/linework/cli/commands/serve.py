@@ -81,6 +81,12 @@ def serve(
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
+        from linework.workbench.worker.conversation import start_worker_process
+
+        # Before the imports below, which take as long as those of the process
+        process = start_worker_process()
+        not_taken_over = held.enter_context(contextlib.ExitStack())
+        not_taken_over.callback(process.end)
         from linework.methods.kinds import ALL_KINDS
         from linework.runs.compile import compile_stage
         from linework.runs.opened.store import usable_cores
@@ -108,9 +114,10 @@ def serve(
             settings=settings, n_threads=usable_cores(),
         )  # fmt: skip
         serving = RunningServer(
-            order=order, lines=lines, port=port, who=who or _user(), watcher=display,
+            order=order, lines=lines, process=process, port=port, who=who or _user(), watcher=display,
             ready=ready, renewed=renewed, save_log=log,
         )  # fmt: skip
+        not_taken_over.pop_all()
         number = asyncio.run(run_server(serving))
     raise Interrupted(number, "stopped: all changes are saved")
 

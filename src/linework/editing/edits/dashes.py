@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import gamma
+from scipy.special import gammainccinv
 
 from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.editing.edits.new_lines import foot_along
@@ -261,7 +261,7 @@ def _rhythm_rate(rates: FloatArray, power: FloatArray, length_m: float) -> float
     sides = [power[beside & (rates < rates[k])], power[beside & (rates > rates[k])]]
     around = max((float(side.mean()) for side in sides if len(side)), default=0.0)
     n_windows = max(length_m / RHYTHM_WINDOW_M, 1.0)
-    most = float(gamma.isf(np.exp(-LEAST_POWER), n_windows)) / n_windows
+    most = float(gammainccinv(n_windows, np.exp(-LEAST_POWER))) / n_windows
     return float(rates[k]) if power[k] > most * around else None
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.lines.along import DrivenPath
@@ -176,7 +176,7 @@ def lines_alike(
         if not shares:
             continue
         names, each = list(shares), np.array(list(shares.values()))
-        chance = chi2.sf(-2.0 * np.log(np.maximum(each, 0.5 / n)).sum(axis=0), 2 * len(each))
+        chance = chdtrc(2 * len(each), -2.0 * np.log(np.maximum(each, 0.5 / n)).sum(axis=0))
         is_like = (chance <= LIKE_CHANCE) & (chance < np.min(chance[right], initial=np.inf))
         for k in np.flatnonzero(candidates & is_like).tolist():
             if k in best and best[k].chance <= chance[k]:

@@ -23,6 +23,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from linework.errors import MachineError, argument
 from linework.files.line_file.file import LineFile
+from linework.processes.child import Child
 from linework.processes.forced_end import wait_until_saved
 from linework.processes.system import end_on_second
 from linework.runs.steps import Watcher
@@ -47,6 +48,8 @@ class RunningServer:
     ----------
     order, lines
         The survey, and the file of its lines; None: `LINES_NAME` in its folder.
+    process
+        For the worker that opens the survey (`start_worker_process`).
     port
         0: the survey's usual port, or any that is free.
     who
@@ -63,6 +66,7 @@ class RunningServer:
 
     order: SurveyOrder
     lines: Path | None
+    process: Child
     port: int
     who: str
     watcher: Watcher
@@ -111,8 +115,8 @@ async def run_server(serving: RunningServer) -> int:
 
 async def _opened(serving: RunningServer, held: contextlib.AsyncExitStack) -> tuple[AppState, socket.socket]:
     """Open the survey and its lines; what may fail at once is tried first."""
+    pictures = held.enter_context(_worker(serving.order, serving.process))
     listener = held.enter_context(listener_at(serving.port, usual_port(serving.order.inputs[0])))
-    pictures = held.enter_context(_worker(serving.order))
     tracing = held.enter_context(_worker(serving.order))
     root, crs = await pictures.ask(read_folder_and_crs)
     lines = serving.lines or Path(root) / LINES_NAME
@@ -221,8 +225,8 @@ def _signals() -> Iterator[asyncio.Future[int]]:
 
 
 @contextlib.contextmanager
-def _worker(order: SurveyOrder) -> Iterator[SurveyWorker]:
-    worker = SurveyWorker(order)
+def _worker(order: SurveyOrder, process: Child | None = None) -> Iterator[SurveyWorker]:
+    worker = SurveyWorker(order, process)
     try:
         yield worker
     finally:

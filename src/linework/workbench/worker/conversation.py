@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import pickle
 import threading
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from linework.errors import LineworkError, MachineError
 from linework.processes.child import Child, Ending
-from linework.workbench.worker.session import SurveyOrder
+
+if TYPE_CHECKING:  # imports all methods, which `start_worker_process` does not wait for
+    from linework.workbench.worker.session import SurveyOrder
 
 #: A request that sends nothing for longer hangs: its process is killed, and the next request starts another one. [s]
 SILENT_S = 120.0
@@ -21,13 +23,18 @@ COMPILE_S = 900.0
 LEAVE_S = 3.0
 
 
+def start_worker_process() -> Child:
+    """Start a process for a `SurveyWorker`, which takes two seconds to import all methods."""
+    return Child("linework.workbench.worker.process:survey_worker_main")
+
+
 class SurveyWorker:
     """A process that has the survey open and runs one request after the other; the server never waits for it.
 
     Parameters
     ----------
-    modules
-        What it imports at once, so that the first request need not wait.
+    process
+        Started before (`start_worker_process`), for the first request; None: none was.
 
     Notes
     -----
@@ -36,8 +43,8 @@ class SurveyWorker:
     the process is gone: the descriptor of a socket closed under its reader may belong to another file by then.
     """
 
-    def __init__(self, order: SurveyOrder, modules: Sequence[str] = ()) -> None:
-        self._order, self._modules = order, tuple(modules)
+    def __init__(self, order: SurveyOrder, process: Child | None = None) -> None:
+        self._order, self._process = order, process
         self._turn = asyncio.Lock()
         self._number = 0
         self._messages: asyncio.Queue[Any] = asyncio.Queue()
@@ -110,6 +117,9 @@ class SurveyWorker:
     def kill(self) -> None:
         """End the process, whatever it is doing; the request it is running fails."""
         child, self._child = self._child, None
+        unused, self._process = self._process, None
+        if unused is not None:
+            unused.end()
         if child is not None:
             self._messages.put_nowait(("failed", _machine_error(child.kill())))
             self.on_compiling(False)
@@ -119,7 +129,7 @@ class SurveyWorker:
         if self._child is not None and self._child.is_running:
             return
         self.kill()
-        child = Child("linework.workbench.worker.process:survey_worker_main", *self._modules)
+        child, self._process = self._process or start_worker_process(), None
         self._child = child
         child.send_object(self._order)
         arguments = child, asyncio.get_running_loop()

@@ -5,7 +5,6 @@ Separate from `conversation`, because it runs in the child process and imports t
 
 from __future__ import annotations
 
-import importlib
 import threading
 import traceback
 from collections import deque
@@ -20,17 +19,9 @@ from linework.processes.child import OUT_OF_MEMORY
 from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 
-def survey_worker_main(channel: Channel, modules: list[str]) -> None:
-    """Run requests until the channel closes; its first message is the `SurveyOrder`.
-
-    Parameters
-    ----------
-    modules
-        What to import before the first request.
-    """
+def survey_worker_main(channel: Channel, _arguments: list[str]) -> None:
+    """Run requests until the channel closes; its first message is the `SurveyOrder`."""
     order: SurveyOrder = channel.receive_object()
-    for module in modules:
-        importlib.import_module(module)
     _Requests(channel, order).run()
 
 
