@@ -9,6 +9,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from linework.methods.cables.band import BELOW_M, COLUMN_REACH_M, CableBand, Widths, cable_band
+from linework.methods.cables.bundles import tell_apart
 from linework.methods.cables.fit import (
     FittedWire,
     WireSurroundings,
@@ -155,7 +156,7 @@ def find_cables(
         return LineSet.empty()
     # Peaks of Radon transforms of the plan image, each followed in its vertical slice
     widths = Widths(config.gate_m)
-    wires = _found_wires(band, config, widths, finder)
+    wires = tell_apart(band, _found_wires(band, config, widths, finder))
     # One catenary per wire and span, ends at the supports
     pieces, wires = _spans(band, wires, config)
     # Keep what is isolated, now that all wires are known, and hangs

@@ -25,6 +25,10 @@ NEXT_M, MOST_ROUNDS = 0.5, 30
 FITTING_METRES = 2
 #: Longest usual gap of a wire; over longer ones something hides it. [m]
 MOST_USUAL_M = 6.0
+#: Sigmas of a bow that is certain: three, and points in groups of three that err alike.
+BOW_SIGMAS = 5.0
+#: Points of the wires that one by itself was fitted together with.
+NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 #: Factor from the cofactors of the coefficient of u^2 to those of the curvature.
 _TWICE = np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
 
@@ -47,6 +51,8 @@ class FittedWire:
         Standard deviation of a point's offset. [m]
     widths
         Widths that it was searched with.
+    others
+        (k,) int64, sorted: points in the band of the wires that it was fitted together with; they are not beside it.
     """
 
     plan: PlanLine
@@ -56,6 +62,7 @@ class FittedWire:
     members: IntArray
     sigma_o_m: float
     widths: Widths
+    others: IntArray
 
     @property
     def length_m(self) -> float:
@@ -72,17 +79,17 @@ class FittedWire:
         """Return stations, offsets and heights above the wire of points (n, 3), (n,) each [m]."""
         plan = self.plan
         line = plan.x, plan.y, plan.ux, plan.uy
-        found: tuple[FloatArray, FloatArray, FloatArray] = hanging.residuals(
-            xyz, line, self.fit.curve.numbers
-        )
-        return found
+        s, o, dz = hanging.residuals(xyz, line, self.fit.curve.numbers)
+        return s, o - plan.aside(s) if plan.bow_per_m else o, dz
 
     def at(self, station_m: FloatArray) -> FloatArray:
         """Return the positions on the wire at stations (n,), (n, 3) [m]."""
         return np.column_stack([self.plan.places(station_m), self.fit.curve.height_at(station_m)])
 
 
-def fit_wire(band: CableBand, members: IntArray, widths: Widths) -> FittedWire | None:
+def fit_wire(
+    band: CableBand, members: IntArray, widths: Widths, others: IntArray = NO_POINTS
+) -> FittedWire | None:
     """Fit a wire to points, collect the points on it from the whole band, and fit again.
 
     Parameters
@@ -91,6 +98,8 @@ def fit_wire(band: CableBand, members: IntArray, widths: Widths) -> FittedWire |
         (n,) int64 indices in the band of the points to start from.
     widths
         Widths across a wire.
+    others
+        (k,) int64, sorted: points of wires that it is fitted together with.
 
     Returns
     -------
@@ -105,12 +114,12 @@ def fit_wire(band: CableBand, members: IntArray, widths: Widths) -> FittedWire |
     for _ in range(3):
         if len(members) < 4:
             return None
-        wire = _fitted(band, members, widths)
+        wire = fit_members(band, members, widths, others)
         collected = _on_wire(band, wire, wire.low_m - NEXT_M, wire.high_m + NEXT_M)
         if np.array_equal(collected, wire.members):
             break
         members = collected
-    return _fitted(band, members, widths) if len(members) >= 4 else None
+    return fit_members(band, members, widths, others) if len(members) >= 4 else None
 
 
 def settle_wire(band: CableBand, wire: FittedWire) -> FittedWire:
@@ -120,11 +129,11 @@ def settle_wire(band: CableBand, wire: FittedWire) -> FittedWire:
         members = _on_wire(band, wire, wire.low_m - TAIL_GAP_M, wire.high_m + TAIL_GAP_M)
         if len(members) < 4 or np.array_equal(members, wire.members):
             break
-        after = _fitted(band, members, wire.widths)
+        after = fit_members(band, members, wire.widths, wire.others)
         if np.array_equal(after.members, before.members):  # alternating: the one with more points
             return max(wire, before, key=lambda w: len(w.members))
         before, wire = wire, after
-    return _fitted(band, wire.members, wire.widths)
+    return fit_members(band, wire.members, wire.widths, wire.others)
 
 
 def near_end(band: CableBand, wire: FittedWire, side: int, reach_m: float) -> FittedWire:
@@ -137,13 +146,13 @@ def near_end(band: CableBand, wire: FittedWire, side: int, reach_m: float) -> Fi
     members = wire.members[(s >= limits[0]) & (s <= limits[1])]
     if len(members) < 8:
         return wire
-    near = _fitted(band, members, wire.widths)
+    near = fit_members(band, members, wire.widths, wire.others)
     for _ in range(MOST_ROUNDS):
         low, high = near.plan.stations(edges)[0].tolist()
         members = _on_wire(band, near, min(low, high), max(low, high))
         if len(members) < 8 or np.array_equal(members, near.members):
             break
-        near = _fitted(band, members, wire.widths)
+        near = fit_members(band, members, wire.widths, wire.others)
     return fit_exact_catenary(band, near)
 
 
@@ -159,24 +168,61 @@ def fit_exact_catenary(band: CableBand, wire: FittedWire) -> FittedWire:
     return replace(wire, fit=fit_catenary(s, xyz[:, 2], weights, straight=straight))
 
 
-def _fitted(band: CableBand, members: IntArray, widths: Widths) -> FittedWire:
-    """Return the wire fitted to points, independent of their order."""
+def fit_members(
+    band: CableBand, members: IntArray, widths: Widths, others: IntArray = NO_POINTS
+) -> FittedWire:
+    """Return the wire fitted to these points and no others, independent of their order; arguments as for `fit_wire`."""
     members = members[np.lexsort(band.xyz[members].T)]
     xyz = band.xyz[members]
     x, y, z = (np.ascontiguousarray(column) for column in xyz.T)
     x0, y0, ux, uy, sigma_o, weights = kernels.robust_line(x, y, widths.sigma_m)
     plan = PlanLine(x0, y0, ux, uy)
+    s, o = plan.stations(xyz[:, :2])
+    plan, sigma_o = _bowed(plan, s, o, sigma_o, widths)
     s, _ = plan.stations(xyz[:, :2])
     centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
     hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
     cofactor = cofactor * _TWICE
     order = np.lexsort((xyz[:, 2], xyz[:, 1], s))
     fit = CatenaryFit(hang, cofactor, sigma_z)
-    return FittedWire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths)
+    return FittedWire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths, others)
+
+
+def _bowed(
+    plan: PlanLine, s: FloatArray, o: FloatArray, sigma_o: float, widths: Widths
+) -> tuple[PlanLine, float]:
+    """Return the line bent to points (n,), where wind has pushed the wire aside by more than they scatter; and that [m].
+
+    A bow must be certain, too: neighbouring points err alike, so that its sigma is an underestimate.
+    """
+    bend, cofactor, sigma = kernels.robust_parabola(s, o, np.ones(len(s)), widths.sigma_m)[1:4]
+    middle = float(np.mean(s))
+    reach = max(float(np.abs(s - middle).max()), 1e-3)
+    is_certain = abs(bend[2]) > BOW_SIGMAS * sigma * math.sqrt(max(float(cofactor[2, 2]), 0.0))
+    if not is_certain or abs(bend[2]) * reach**2 <= sigma_o:
+        return plan, sigma_o
+    # The parabola is about the mean station; the line is its tangent there
+    line = plan.turned(float(bend[0] - bend[1] * middle), float(bend[1]))
+    at = line.places(np.array([middle * math.hypot(1.0, float(bend[1]))]))[0]
+    bow = 2.0 * float(bend[2]) / math.hypot(1.0, float(bend[1])) ** 3
+    return PlanLine(float(at[0]), float(at[1]), line.ux, line.uy, bow), float(sigma)
 
 
 def _line_of(plan: PlanLine, low_m: float, high_m: float) -> FloatArray:
     return np.array([plan.x, plan.y, plan.ux, plan.uy, low_m, high_m])
+
+
+def _sagitta_m(plan: PlanLine, low_m: float, high_m: float) -> float:
+    """Return the largest distance of a line between two stations from its tangent [m]."""
+    return float(np.abs(plan.aside(np.array([low_m, high_m]))).max())
+
+
+def _not_of(wire: FittedWire, points: IntArray) -> IntArray:
+    """Return the points (k,) without those of the wires that this one was fitted together with."""
+    if len(wire.others) == 0:
+        return points
+    at = np.minimum(np.searchsorted(wire.others, points), len(wire.others) - 1)
+    return np.asarray(points[wire.others[at] != points])
 
 
 def _on_wire(band: CableBand, wire: FittedWire, low: float, high: float) -> IntArray:
@@ -185,7 +231,8 @@ def _on_wire(band: CableBand, wire: FittedWire, low: float, high: float) -> IntA
     Beyond the first and the last metre clear of other points it continues to the next other point: in a crown leaves
     lie on any line.
     """
-    near = band.near(_line_of(wire.plan, low, high), RING * wire.gate_m)
+    reach_m = RING * wire.gate_m + _sagitta_m(wire.plan, low, high)
+    near = _not_of(wire, band.near(_line_of(wire.plan, low, high), reach_m))
     s, o, dz = wire.residuals(band.xyz[near])
     gate = wire.gate_m
     # Metres are counted from the origin of the band, independent of the points of the wire
@@ -274,7 +321,8 @@ def surroundings(band: CableBand, wire: FittedWire, of_wire: BoolArray) -> WireS
     of_wire
         (n,) bool: points of the band that belong to any wire; they do not count as crowding.
     """
-    near = band.near(_line_of(wire.plan, wire.low_m, wire.high_m), wire.widths.crowd_m)
+    reach_m = wire.widths.crowd_m + _sagitta_m(wire.plan, wire.low_m, wire.high_m)
+    near = _not_of(wire, band.near(_line_of(wire.plan, wire.low_m, wire.high_m), reach_m))
     s, o, dz = wire.residuals(band.xyz[near])
     r = np.hypot(o, dz)
     metre = np.floor(s - wire.low_m).astype(np.int64)

@@ -37,24 +37,39 @@ SEED_REACH_M = 150.0
 
 @dataclass(frozen=True, slots=True)
 class PlanLine:
-    """A line in plan: stations s along the unit vector (ux, uy) from (x, y), offsets o to the left. [m]."""
+    """A line in plan: stations s along the unit vector (ux, uy) from (x, y), offsets o to the left [m].
+
+    Parameters
+    ----------
+    bow_per_m
+        Curvature to the left at (x, y): wind pushes a wire aside in proportion to its sag. Stations are those of the
+        tangent: over 300 m a bow of half a metre is 2 mm longer. [1/m]
+    """
 
     x: float
     y: float
     ux: float
     uy: float
+    bow_per_m: float = 0.0
 
     def stations(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return stations and offsets of points (n, 2), (n,) each [m]."""
         dx, dy = xy[:, 0] - self.x, xy[:, 1] - self.y
-        return dx * self.ux + dy * self.uy, dy * self.ux - dx * self.uy
+        s, o = dx * self.ux + dy * self.uy, dy * self.ux - dx * self.uy
+        return (s, o - self.aside(s)) if self.bow_per_m else (s, o)
+
+    def aside(self, station_m: FloatArray) -> FloatArray:
+        """Return how far to the left of its tangent the line is at stations (n,), (n,) [m]."""
+        return 0.5 * self.bow_per_m * station_m * station_m
 
     def places(self, station_m: FloatArray) -> FloatArray:
         """Return the positions of stations (n,), (n, 2) [m]."""
-        return np.stack([self.x + station_m * self.ux, self.y + station_m * self.uy], axis=-1)
+        aside = self.aside(station_m)
+        x, y = self.x - aside * self.uy, self.y + aside * self.ux
+        return np.stack([x + station_m * self.ux, y + station_m * self.uy], axis=-1)
 
     def turned(self, offset_m: float, slope: float) -> PlanLine:
-        """Return the line o = offset + slope * s in the stations of this one."""
+        """Return the straight line o = offset + slope * s in the stations of this one."""
         stretch = math.hypot(1.0, slope)
         return PlanLine(
             self.x - self.uy * offset_m,

@@ -1,0 +1,270 @@
+"""Wires whose points scatter farther than the gate, fitted together: airborne surveys, conductors in bundles.
+
+Separate from `fit`, which fits one wire to the points within its gate. Where the gate cuts the scatter off, such a fit
+drifts from one conductor of a bundle to the next. Here all wires within reach of each other are fitted at once, to all
+points about them: a mixture of normal distributions, one about each wire, and of points that belong to none
+(expectation and maximisation: Dempster, Laird and Rubin 1977). The number of wires is that of the smallest information
+criterion (Schwarz 1978, doi:10.1214/aos/1176344136).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.methods.cables.band import CableBand, Widths
+from linework.methods.cables.fit import NO_POINTS, FittedWire, fit_members, main_run
+from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_SEEN_M
+
+#: Scatter of a wire's points from which the gate cuts them off, in gates: 5 % of a normal distribution lie beyond two
+#: deviations.
+CUT_OFF_GATES = 0.5
+#: Most wires of a bundle: lines of 400 kV and more have four conductors a phase.
+MOST_WIRES = 4
+#: Least distance of two wires in deviations of their points: nearer ones have one mode (2), with a reserve.
+LEAST_APART_SIGMAS = 3.0
+#: Half width of a wire's gate in deviations of its points, and in distances to the next wire.
+BUNDLE_GATE_SIGMAS, GATE_APART = 4.0, 0.5
+#: Share of the known length that is looked ahead, and at least so much [m].
+_AHEAD_SHARE, _AHEAD_M = 0.25, 10.0
+#: Points that tell the wires of a bundle apart: a hundred of each would, and these fit into the cache. The wires
+#: themselves are fitted to all of their points.
+ENOUGH_TO_TELL = 1500
+#: Unknowns of a wire: a parabola in plan and one in height, and its share of the points.
+_UNKNOWNS = 7
+#: Rounds of the mixture, and gain of its likelihood at which it has settled. [-, 1]
+_MOST_ROUNDS, _SETTLED = 100, 1e-3
+#: Steps of looking ahead, and the least that one must bring [m].
+_MOST_STEPS, _LEAST_STEP_M = 60, 0.5
+
+
+class PointsNearby(NamedTuple):
+    """Points about a line in space, by station.
+
+    Parameters
+    ----------
+    points
+        (n,) int64 indices in the band.
+    s, o, dz
+        (n,) stations along the line, offsets to its left and heights above it. [m]
+    """
+
+    points: IntArray
+    s: FloatArray
+    o: FloatArray
+    dz: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """Wires side by side, and the points about them.
+
+    Parameters
+    ----------
+    across, up
+        (wires, 3) each: offset and height [m] of each wire, parabolas of the scaled station. Wind bends them in plan.
+    share
+        (wires,) share of the points that are on each.
+    sigma_o_m, sigma_z_m
+        Standard deviations of a point across and in height. [m]
+    middle_m, half_m
+        Station that is 0, and length that is 1. [m]
+    likelihood
+        Logarithm, less half the information criterion's price of the unknowns.
+    """
+
+    across: FloatArray
+    up: FloatArray
+    share: FloatArray
+    sigma_o_m: float
+    sigma_z_m: float
+    middle_m: float
+    half_m: float
+    likelihood: float
+
+    def residuals(self, about: PointsNearby) -> tuple[FloatArray, FloatArray]:
+        """Return offsets and heights (wires, n) of points from each wire [m]."""
+        u = (about.s - self.middle_m) / self.half_m
+        powers = np.stack([np.ones_like(u), u, u * u])
+        return about.o - self.across @ powers, about.dz - self.up @ powers
+
+    def squares(self, about: PointsNearby) -> FloatArray:
+        """Return the squared distances (wires, n) of points from each wire, in standard deviations."""
+        off, up = self.residuals(about)
+        return np.asarray((off / self.sigma_o_m) ** 2 + (up / self.sigma_z_m) ** 2)
+
+    def apart_m(self) -> FloatArray:
+        """Return the mean distance of each wire to the next one, (wires,) [m]; infinite for a single one."""
+        u = np.linspace(-1.0, 1.0, 9)
+        powers = np.stack([np.ones_like(u), u, u * u])
+        place = np.stack([self.across @ powers, self.up @ powers])
+        distance = np.hypot(*(place[:, :, None] - place[:, None, :])).mean(axis=-1)
+        np.fill_diagonal(distance, np.inf)
+        return np.asarray(distance.min(axis=1))
+
+
+def tell_apart(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
+    """Return the wires; those whose points scatter farther than the gate are fitted together with their neighbours.
+
+    All others are left as they are.
+    """
+    cut_off = [w for w in wires if _is_cut_off(w)]
+    left = sorted(cut_off, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
+    apart = list[FittedWire]()
+    is_taken = np.zeros(len(band.xyz), dtype=bool)
+    while left:
+        seed = left.pop(0)
+        found, explained = _bundle_about(band, seed, is_taken)
+        is_taken[explained] = True
+        apart += found
+        left = [w for w in left if is_taken[w.members].mean() < 0.5]
+    return [w for w in wires if is_taken[w.members].mean() < 0.5] + apart
+
+
+def _is_cut_off(wire: FittedWire) -> bool:
+    """Return whether a wire's gate cuts the scatter of its points off."""
+    return max(wire.sigma_o_m, wire.fit.sigma_m) > CUT_OFF_GATES * wire.widths.gate_m
+
+
+def _bundle_about(
+    band: CableBand, seed: FittedWire, is_taken: BoolArray
+) -> tuple[list[FittedWire], IntArray]:
+    """Return the wires within reach of a piece, and all points that they explain; none where it is unclear."""
+    middle = seed
+    about = _about(band, middle, is_taken, middle.low_m, middle.high_m)
+    mixture = _best_mixture(about, seed.widths)
+    for _ in range(_MOST_STEPS):
+        longer = middle if mixture is None else _farther(band, middle, is_taken, mixture)
+        if longer.length_m <= middle.length_m + _LEAST_STEP_M:
+            break
+        middle = longer
+        about = _about(band, middle, is_taken, middle.low_m, middle.high_m)
+        mixture = _best_mixture(about, seed.widths)
+    return ([], NO_POINTS) if mixture is None else _wires_of(band, mixture, about, seed.widths)
+
+
+def _about(band: CableBand, middle: FittedWire, is_taken: BoolArray, low: float, high: float) -> PointsNearby:
+    """Return the free points within reach of a line in space between two stations [m]."""
+    plan, reach_m = middle.plan, middle.widths.crowd_m
+    bow_m = float(np.abs(plan.aside(np.array([low, high]))).max())
+    near = band.near(np.array([plan.x, plan.y, plan.ux, plan.uy, low, high]), reach_m + bow_m)
+    near = near[~is_taken[near]]
+    s, o, dz = middle.residuals(band.xyz[near])
+    inside = (np.abs(o) <= reach_m) & (np.abs(dz) <= reach_m) & (s >= low) & (s <= high)
+    order = np.lexsort((dz[inside], o[inside], s[inside]))
+    return PointsNearby(near[inside][order], s[inside][order], o[inside][order], dz[inside][order])
+
+
+def _farther(band: CableBand, middle: FittedWire, is_taken: BoolArray, mixture: Mixture) -> FittedWire:
+    """Return the middle of the wires (`middle`) fitted to all points on them, up to the first long stretch of none."""
+    step = max(_AHEAD_SHARE * middle.length_m, _AHEAD_M)
+    about = _about(band, middle, is_taken, middle.low_m - step, middle.high_m + step)
+    on = np.flatnonzero(mixture.squares(about).min(axis=0) <= LEAST_APART_SIGMAS**2)
+    first, last = main_run(about.s[on])
+    members = about.points[on[first:last]]
+    return fit_members(band, members, middle.widths) if len(members) >= 2 * _UNKNOWNS else middle
+
+
+def _best_mixture(about: PointsNearby, widths: Widths) -> Mixture | None:
+    """Return the mixture with the number of wires that the points show; None: too few points, or none settles."""
+    if len(about.s) < 2 * _UNKNOWNS:
+        return None
+    step = 1 + len(about.s) // ENOUGH_TO_TELL
+    some = PointsNearby(about.points[::step], about.s[::step], about.o[::step], about.dz[::step])
+    start = Mixture(
+        np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.9]), 2.0 * widths.gate_m, 2.0 * widths.gate_m,
+        float(some.s[0] + some.s[-1]) / 2.0, max(float(some.s[-1] - some.s[0]) / 2.0, 1.0), -np.inf,
+    )  # fmt: skip
+    one = best = _settled(some, start, widths)
+    if one is None:
+        return None
+    for n in range(2, MOST_WIRES + 1):
+        for is_stacked in (False, True):
+            found = _settled(some, _spread(one, n, is_stacked), widths)
+            if found is None or found.apart_m().min() < LEAST_APART_SIGMAS * max(
+                found.sigma_o_m, found.sigma_z_m
+            ):
+                continue
+            best = max(best, found, key=lambda mixture: mixture.likelihood)
+    return best
+
+
+def _spread(one: Mixture, n: int, is_stacked: bool) -> Mixture:
+    """Return `n` wires spread evenly about a single one (`one`), side by side or above one another."""
+    place = np.linspace(-1.5, 1.5, n)
+    across, up = np.repeat(one.across, n, axis=0), np.repeat(one.up, n, axis=0)
+    if is_stacked:
+        up[:, 0] += place * one.sigma_z_m
+    else:
+        across[:, 0] += place * one.sigma_o_m
+    share = np.full(n, one.share[0] / n)
+    return Mixture(
+        across,
+        up,
+        share,
+        one.sigma_o_m / n,
+        one.sigma_z_m / (n if is_stacked else 1),
+        one.middle_m,
+        one.half_m,
+        -np.inf,
+    )
+
+
+def _settled(about: PointsNearby, start: Mixture, widths: Widths) -> Mixture | None:
+    """Return the mixture after expectation and maximisation in turn; None: a wire has lost its points."""
+    reach_m, least = widths.crowd_m, widths.sigma_m
+    _, s, o, dz = about
+    u = (s - start.middle_m) / start.half_m
+    powers = np.stack([np.ones_like(u), u, u * u])
+    across, up, share = start.across.copy(), start.up.copy(), start.share.copy()
+    sigma_o, sigma_z = start.sigma_o_m, start.sigma_z_m
+    total = -np.inf
+    for _ in range(_MOST_ROUNDS):
+        ro, rz = o - across @ powers, dz - up @ powers
+        density = share[:, None] * np.exp(-0.5 * ((ro / sigma_o) ** 2 + (rz / sigma_z) ** 2))
+        density /= 2.0 * math.pi * sigma_o * sigma_z
+        stray = (1.0 - share.sum()) / (2.0 * reach_m) ** 2
+        sums = density.sum(axis=0) + stray
+        weight = density / sums
+        before, total = total, float(np.log(sums).sum())
+        n_of = weight.sum(axis=1)
+        if n_of.min() < _UNKNOWNS:
+            return None
+        for k, w in enumerate(weight):
+            normal = (powers * w) @ powers.T + 1e-9 * np.eye(3)
+            across[k], up[k] = np.linalg.solve(normal, (powers * w) @ np.stack([o, dz], axis=1)).T
+        ro, rz = o - across @ powers, dz - up @ powers
+        sigma_o = max(math.sqrt(float((weight * ro**2).sum() / n_of.sum())), least)
+        sigma_z = max(math.sqrt(float((weight * rz**2).sum() / n_of.sum())), least)
+        share = np.minimum(n_of / len(s), 0.999 * n_of / n_of.sum())
+        if total - before < _SETTLED:
+            break
+    price = 0.5 * _UNKNOWNS * len(share) * math.log(len(s))
+    return Mixture(across, up, share, sigma_o, sigma_z, start.middle_m, start.half_m, total - price)
+
+
+def _wires_of(
+    band: CableBand, mixture: Mixture, about: PointsNearby, widths: Widths
+) -> tuple[list[FittedWire], IntArray]:
+    """Return the wires of a mixture, each fitted to the points that are most likely its own, and all these points."""
+    squares, (off, up) = mixture.squares(about), mixture.residuals(about)
+    owner, is_explained = np.argmin(squares, axis=0), squares.min(axis=0) <= BUNDLE_GATE_SIGMAS**2
+    sigma = max(mixture.sigma_o_m, mixture.sigma_z_m)
+    gates = np.maximum(np.minimum(BUNDLE_GATE_SIGMAS * sigma, GATE_APART * mixture.apart_m()), widths.gate_m)
+    wires = []
+    for k, gate in enumerate(gates):
+        own = np.flatnonzero((owner == k) & is_explained & (np.hypot(off[k], up[k]) <= gate))
+        if len(own) < _UNKNOWNS:
+            continue
+        first, last = main_run(about.s[own])
+        members = own[first:last]
+        others = np.sort(about.points[(owner != k) & is_explained])
+        wire = fit_members(band, about.points[members], Widths(float(gate)), others)
+        seen = len(np.unique(np.floor(about.s[members])))
+        if wire.length_m >= LEAST_SEEN_M and seen >= LEAST_OCCUPIED * wire.length_m:
+            wires.append(wire)
+    return (wires, about.points[is_explained]) if wires else ([], NO_POINTS)
