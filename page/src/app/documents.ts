@@ -129,10 +129,10 @@ export type Edit =
 export interface QueueItem {
   key: string; // stays the same as long as the item concerns the same thing
   // a line of low confidence, one that may be another line measured twice, a line that ends where there is data, a road without a boundary, missing dashes
-  // all lines too short or too sure for an item each, or all with nothing to check, which one key accepts
-  type: "line" | "copy" | "gap" | "boundary" | "dashes" | "rest" | "sure";
-  ids: string[]; // lines concerned; for a gap, the line that ends and the one that may continue it
-  kind: string;
+  // a stretch of road to look over, all lines too short or too sure for an item each, or all with nothing to check, which one key accepts
+  type: "line" | "copy" | "gap" | "boundary" | "dashes" | "stretch" | "rest" | "sure";
+  ids: string[]; // lines concerned; for a gap, the line that ends and the one that may continue it; none of a stretch
+  kind: string; // "" of a stretch
   at: Place; // where to look
   box: [number, number, number, number];
   length_m: number; // length that may be wrong or missing

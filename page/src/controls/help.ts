@@ -24,6 +24,7 @@ const IN_VIEWS: [group: string, keys: string[], title: string][] = [
 
 const TOPICS: [title: string, text: string][] = [
   ["Review what is unsure", "N goes to the next item of the queue and shows its evidence; A accepts, X rejects, Y takes the proposal, Q dismisses. What is sure comes last, as one item."],
+  ["Look over the road", "Stretches of 60 m are items of the queue, those first where most may be wrong or missing. Click a line that is wrong and press X; F and a click follow one that is missing; Q says that the stretch was looked over."],
   ["Mend the same fault elsewhere", "After a line is rejected or deleted, or given another kind or attribute, Alike lists the lines that may have the same fault. Shift N looks at the next, Shift A takes it in or leaves it out, Shift M mends all that are taken in as one edit."],
   ["Follow a line from a click", "F, then click beside the kerb, marking, guardrail or cable. Enter keeps the line, B bridges a gap, C continues with a click farther on."],
   ["Follow several edges at once: templates", "Select a line, for example the foot of a kerb, and press Template in the section view. Click the other edges there - top, back, gutter - and say for each what defines it and of which kind its line is. Saved and chosen beside the Follow tool, the template is followed with each line; Shift T finds it beside the selected line. All its lines are one edit."],
