@@ -122,6 +122,7 @@ export type Edit =
   | { action: "beside"; id: string; kind: string; at: [Place] | [Place, Place] } // along the whole line, or between two places
   | { action: "wire"; xyz: [Place | Vertex, Place | Vertex, Place | Vertex] } // a cable: both ends and a point between them
   | { action: "template"; id: string; template: string } // the lines of a template beside one
+  | { action: "partner"; id: string } // the other rail of a median
   | { action: "wires"; id: string; which: "own" | "all" } // the conductor of a wire from pole to pole; those beside it too
   | { action: "dashes"; ids: string[] } // adds the missing dashes, from the paint and the dash pattern
   | { action: "dismiss"; key: string }; // closes an item of the queue without an edit
