@@ -21,8 +21,8 @@ LENGTH_M = 1000.0
 POINTS_PER_M, WEAR = 1500.0, 0.5
 #: Lines are right within this. [m]
 WITHIN_M = 0.10
-#: What extraction from points looks for: nothing else can be missing.
-KINDS = (*KINDS_OF["obb"], *KINDS_OF["radon"])
+#: What extraction from points looks for, and the truth of a survey has: edges beside a boundary are in no truth.
+KINDS = tuple(kind for kind in (*KINDS_OF["obb"], *KINDS_OF["radon"]) if kind != "edge_other")
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,11 @@ def right_share(lines, truth):
     return right / max(whole, 1e-9)
 
 
-def missing_runs(lines, truth, kind, box, *, least_m=1.0, whole=False):
+def missing_runs(lines, truth, kind, box, *, least_m=1.0, whole=False, beyond=False):
     """Stretches of observed truth in a box that no line covers, longest first: length, places (k, 3), what each lacks.
 
-    `whole`: those of one line as one, with what is between them.
+    `whole`: those of one line as one, with what is between them. `beyond`: to their ends, also outside the box: who sees
+    that a line is missing goes along it.
     """
     there = lines.take(lines.review != "rejected").with_columns(crs=truth.crs)
     match, _, is_found = matched(there, truth, kind)
@@ -122,10 +123,10 @@ def missing_runs(lines, truth, kind, box, *, least_m=1.0, whole=False):
         & (xyz[:, 1] >= box.south)
         & (xyz[:, 1] <= box.north)
     )
-    lacks = ~is_found & inside
+    lacks = ~is_found & (inside | beyond)
     new = np.concatenate([[True], (pieces.line[1:] != pieces.line[:-1]) | (lacks[1:] != lacks[:-1])])
     runs = np.split(np.arange(len(pieces)), np.flatnonzero(new)[1:])
-    runs = [run for run in runs if len(run) and lacks[run[0]]]
+    runs = [run for run in runs if len(run) and lacks[run[0]] and inside[run].any()]
     if whole:
         of_line = {int(pieces.line[run[0]]): [] for run in runs}
         for run in runs:

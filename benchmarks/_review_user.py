@@ -1,9 +1,11 @@
 """A scripted user of the review queue, who sees the truth where the queue says to look, and acts as a person would."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
+from benchmarks._review_look import cut_off, look_over
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
 from linework.editing.edits.attributes import with_kind
 from linework.editing.edits.new_lines import foot_along, line_beside
@@ -69,6 +71,7 @@ class User:
             "dashes": self._take_or_leave,
             "sure": self._take_sure,
             "rest": self._leave,
+            "stretch": partial(look_over, self),
         }.get(item.type, self._fill)(item)
         self.told.append((item, done, self.n_actions - before))
 
@@ -98,8 +101,12 @@ class User:
             self.do(queue_item(item).proposal)
             return "taken"
         is_right = right_share(line, self.truth) >= 0.5
-        self.do({"action": "accept" if is_right else "reject", "ids": list(item.ids)})
-        return "accepted" if is_right else "rejected"
+        cut_m, names = 0.0, list(item.ids)
+        if is_right and len(names) == 1:
+            cut_m, *names = cut_off(self, names[0], LEAST_PER_CLICK_M)
+        if self.left > 0:
+            self.do({"action": "accept" if is_right else "reject", "ids": names})
+        return "rejected" if not is_right else f"accepted but for {cut_m:.0f} m" if cut_m else "accepted"
 
     def agrees(self, item):
         """Whether the proposal of an item is right."""
@@ -160,21 +167,27 @@ class User:
             self.do({"action": "dismiss", "key": item.key})
             return "dismissed: what was done did not help"
         self.tried.add(attempt)
+        return self.mend(item.kind, item.box, (length_m, xyz, lacks_m), LEAST_PER_CLICK_M, item.key)
+
+    def mend(self, kind, box, run, least_m, key=""):
+        """Add a line that is missing: hung, put beside another, followed, or drawn where a click brings `least_m`."""
+        length_m, xyz, lacks_m = run
         seen = np.flatnonzero(lacks_m)
-        if item.kind == "cable" and length_m >= WIRE_M:
+        if kind == "cable" and length_m >= WIRE_M:
+            runs = missing_runs(self.line_file.lines, self.truth, kind, box)
             hung = sum(self._saved(self._wire(run[1]), "cable") for run in runs if run[0] >= WIRE_M)
             if hung:
                 return f"hung {hung} wires"
-        elif self._put_beside(item):
+        elif self._put_beside(kind, box):
             return "put beside a line"
         # A refused click costs as much as one that helps: little is not worth trying twice
         for k in range(min(TRIES, int(length_m / (2.0 * LEAST_PER_CLICK_M)))):
             if self.left <= 0:
                 return "out of actions"
             place = xyz[seen[(2 * k + 1) * len(seen) // (2 * TRIES)]]
-            if self._followed(item.kind, place):
+            if self._followed(kind, place):
                 return f"followed {length_m:.0f} m"
-        return self._draw(item, xyz[seen[0] : seen[-1] + 1], length_m)
+        return self._draw(kind, key, xyz[seen[0] : seen[-1] + 1], (length_m, least_m))
 
     def _followed(self, kind, place):
         """Click on the line; keep what grows from there as far as it is right."""
@@ -187,7 +200,7 @@ class User:
             traced = end.value
         except InputError:
             return False
-        span = self._right_span(traced.lines.take([0]))
+        span = self.right_span(traced.lines.take([0]))
         if span is None or traced.kind != kind:
             return False
         kept = trim_to_vertices(traced.lines.take([0]), *span)
@@ -201,9 +214,9 @@ class User:
         self.save(change, cost=0 if is_whole else 1)
         return True
 
-    def _right_span(self, line):
+    def right_span(self, line):
         """First and last vertex of the longest stretch of a line that is right; None if that is little."""
-        good, n = self._good_segments(line), int(line.offsets[1])
+        good, n = self.good_segments(line), int(line.offsets[1])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]]))).reshape(-1, 2)
         # A vertex off here and there is no reason to cut a line
         merged = []
@@ -217,7 +230,7 @@ class User:
             return None
         return 0 if best[0] < FEW else best[0], n - 1 if best[1] >= n - FEW else best[1]
 
-    def _good_segments(self, line):
+    def good_segments(self, line):
         """Which segments of a line are right."""
         kind = str(line.kind[0])
         match, is_right, _ = matched(line.with_columns(crs=self.truth.crs), self.truth, kind)
@@ -230,13 +243,13 @@ class User:
         )
         return right >= 0.5 * whole
 
-    def _put_beside(self, item):
+    def _put_beside(self, kind, box):
         """Put the line that lacks most beside another, and a kerb's top beside it."""
         done = False
-        for kind in (item.kind, *(("kerb_top",) if item.kind == "road_boundary" else ())):
-            runs = missing_runs(self.line_file.lines, self.truth, kind, item.box, whole=True)
+        for one in (kind, *(("kerb_top",) if kind == "road_boundary" else ())):
+            runs = missing_runs(self.line_file.lines, self.truth, one, box, whole=True)
             if runs:
-                done |= self._saved(self._beside(kind, *runs[0][1:]), kind)
+                done |= self._saved(self._beside(one, *runs[0][1:]), one)
         return done
 
     def _saved(self, change, kind):
@@ -283,16 +296,16 @@ class User:
         except UsageError:
             return None
 
-    def _draw(self, item, xyz, length_m):
-        """Draw what cannot be followed, if a click brings enough."""
-        vertices = simplified(xyz, CHORD_M)
+    def _draw(self, kind, key, xyz, worth):
+        """Draw what cannot be followed, if a click brings enough; else dismiss the item of a key."""
+        vertices, (length_m, least_m) = simplified(xyz, CHORD_M), worth
         # A wire hangs in a curve: two clicks do not make one
-        if item.kind == "cable" or len(vertices) > self.left or length_m < LEAST_PER_CLICK_M * len(vertices):
-            if self.left > 0:
-                self.do({"action": "dismiss", "key": item.key})
+        if kind == "cable" or len(vertices) > self.left or length_m < least_m * len(vertices):
+            if self.left > 0 and key:
+                self.do({"action": "dismiss", "key": key})
             return f"left {length_m:.0f} m"
-        heights = np.column_stack(self.heights(item.kind, vertices[:, :2]))
-        edit = {"action": "draw", "kind": item.kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
+        heights = np.column_stack(self.heights(kind, vertices[:, :2]))
+        edit = {"action": "draw", "kind": kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
         self.do(edit, EditInputs(heights=heights), cost=len(vertices))
         return f"drew {length_m:.0f} m with {len(vertices)} clicks"
 

@@ -107,6 +107,14 @@ def test_whole_dashes_stay_and_pieces_give_way():
     assert new.role.tolist() == ["lane", "lane"]
 
 
+def test_a_dash_that_is_longer_than_worn_paint_shows_stays_and_one_over_two_does_not():
+    spans = np.array([[0.5, 3.5], [9.0, 12.0], [18.0, 21.0], [27.0, 30.0], [36.0, 39.0]])
+    line, there = line_with([(0.0, 6.0), (8.0, 13.5), (18.0, 30.0)])
+    gone, new = dashes_by_paint(line, there, spans)
+    assert gone.id.tolist() == ["d18.0"]
+    assert new.xyz[::2, 0].tolist() == pytest.approx([18.0, 27.0, 36.0])
+
+
 def test_what_somebody_judged_stays():
     line, there = line_with([(9.0, 10.2)], review=["accepted"])
     gone, new = dashes_by_paint(line, there, np.array([[9.0, 12.0], [18.0, 21.0]]))

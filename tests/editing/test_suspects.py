@@ -123,6 +123,17 @@ def test_a_side_without_a_boundary():
     assert bare.length_m == pytest.approx(32.0, abs=2.0)
 
 
+@pytest.mark.parametrize(("kind", "most_m"), [("fence", 9.0), ("lane_marking", 90.0)])
+def test_of_a_long_gap_of_rails_little_is_missing(kind, most_m):
+    path = road(length=400.0)
+    lines = together(
+        beside(path, 0, 100, -6.0, kind=kind, name="a"), beside(path, 200, 400, -6.0, kind=kind, name="b")
+    )
+    (gap,) = gap_suspects(lines, DrivenPath.of(path), everywhere)
+    assert gap.ids == ("a", "b")
+    assert gap.length_m == pytest.approx(most_m, abs=1.0)
+
+
 def test_an_accepted_line_may_end():
     path = road()
     line = beside(path, 0, 120, -1.7).with_columns(review=np.array(["accepted"]))

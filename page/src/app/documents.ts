@@ -122,6 +122,7 @@ export type Edit =
   | { action: "beside"; id: string; kind: string; at: [Place] | [Place, Place] } // along the whole line, or between two places
   | { action: "wire"; xyz: [Place | Vertex, Place | Vertex, Place | Vertex] } // a cable: both ends and a point between them
   | { action: "template"; id: string; template: string } // the lines of a template beside one
+  | { action: "partner"; id: string } // the other rail of a median
   | { action: "wires"; id: string; which: "own" | "all" } // the conductor of a wire from pole to pole; those beside it too
   | { action: "dashes"; ids: string[] } // adds the missing dashes, from the paint and the dash pattern
   | { action: "dismiss"; key: string }; // closes an item of the queue without an edit
@@ -129,10 +130,10 @@ export type Edit =
 export interface QueueItem {
   key: string; // stays the same as long as the item concerns the same thing
   // a line of low confidence, one that may be another line measured twice, a line that ends where there is data, a road without a boundary, missing dashes
-  // all lines too short or too sure for an item each, or all with nothing to check, which one key accepts
-  type: "line" | "copy" | "gap" | "boundary" | "dashes" | "rest" | "sure";
-  ids: string[]; // lines concerned; for a gap, the line that ends and the one that may continue it
-  kind: string;
+  // a stretch of road to look over, all lines too short or too sure for an item each, or all with nothing to check, which one key accepts
+  type: "line" | "copy" | "gap" | "boundary" | "dashes" | "stretch" | "rest" | "sure";
+  ids: string[]; // lines concerned; for a gap, the line that ends and the one that may continue it; none of a stretch
+  kind: string; // "" of a stretch
   at: Place; // where to look
   box: [number, number, number, number];
   length_m: number; // length that may be wrong or missing

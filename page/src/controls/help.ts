@@ -24,10 +24,12 @@ const IN_VIEWS: [group: string, keys: string[], title: string][] = [
 
 const TOPICS: [title: string, text: string][] = [
   ["Review what is unsure", "N goes to the next item of the queue and shows its evidence; A accepts, X rejects, Y takes the proposal, Q dismisses. What is sure comes last, as one item."],
+  ["Look over the road", "Stretches of 60 m are items of the queue, those first where most may be wrong or missing. Click a line that is wrong and press X; F and a click follow one that is missing; Q says that the stretch was looked over."],
   ["Mend the same fault elsewhere", "After a line is rejected or deleted, or given another kind or attribute, Alike lists the lines that may have the same fault. Shift N looks at the next, Shift A takes it in or leaves it out, Shift M mends all that are taken in as one edit."],
   ["Follow a line from a click", "F, then click beside the kerb, marking, guardrail or cable. Enter keeps the line, B bridges a gap, C continues with a click farther on."],
   ["Follow several edges at once: templates", "Select a line, for example the foot of a kerb, and press Template in the section view. Click the other edges there - top, back, gutter - and say for each what defines it and of which kind its line is. Saved and chosen beside the Follow tool, the template is followed with each line; Shift T finds it beside the selected line. All its lines are one edit."],
   ["Follow a wire from pole to pole", "Keep or select a cable; Shift W adds the same wire in all spans that the points show, Shift V the wires beside it too, as one edit. They are named by network, circuit and span, and the message says the lowest clearance."],
+  ["Follow both rails of a median", "Keep or select a guardrail or a barrier; Shift G adds the other one of its median, up to 3.5 m across, as one edit. What the van drove between is no median."],
   ["Work without a mouse", "F6 goes from part to part of the page. In the plan the arrow keys move the view, and Ctrl Enter clicks in its middle: with Select, Follow, Draw and Measure alike."],
   ["Correct a node", "In the straightened view choose it with Left and Right, move it with Shift or Alt and the arrow keys, and save with Enter; or drag it in the plan, in the section or there."],
   ["Check a line along its length", "Select it and open Straightened: points, heights, accuracy, bridged stretches and images by chainage. Space moves 20 m on."],

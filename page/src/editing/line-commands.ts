@@ -31,6 +31,7 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     { title: "Template", key: "Shift+t", can: () => one() !== null, run: () => void addTemplate(app) },
     { title: "Wire", key: "Shift+w", can: () => one()?.kind === "cable", run: () => void addWires(app, "own") },
     { title: "Wires", key: "Shift+v", can: () => one()?.kind === "cable", run: () => void addWires(app, "all") },
+    { title: "Other rail", key: "Shift+g", can: () => standsOnMedian(one()?.kind), run: () => void addPartner(app) },
     {
       title: "Dashes", key: "Shift+d", can: () => some() && ids().every((id) => app.lines.get(id)?.kind === "lane_marking"),
       run: () => void app.change({ action: "dashes", ids: ids() }),
@@ -68,6 +69,7 @@ const titles: Record<string, string> = {
   Dashes: "Add missing dashes",
   Wire: "The same wire from pole to pole",
   Wires: "The same wire from pole to pole, and those beside it",
+  "Other rail": "The other rail or barrier of the median",
   Template: "Lines of the template beside the selected one",
 };
 
@@ -135,6 +137,22 @@ async function addTemplate(app: App): Promise<void> {
   }
   const changed = await app.change({ action: "template", id, template });
   if (changed) app.emit("message", { text: `${changed.lines.length} ${changed.lines.length === 1 ? "line" : "lines"} of ${template} added.`, kind: "info" });
+}
+
+function standsOnMedian(kind: string | undefined): boolean {
+  return kind === "guardrail" || kind === "barrier";
+}
+
+// The rail or barrier that shares a median with the selected one
+async function addPartner(app: App): Promise<void> {
+  const [id] = app.selection;
+  if (id === undefined) return;
+  app.emit("message", { text: "Looking for the other rail of the median …", kind: "info" });
+  const changed = await app.change({ action: "partner", id });
+  if (!changed) return;
+  const length_m = changed.lines.reduce((sum, line) => sum + line.length_m, 0);
+  app.select([...new Set([id, ...changed.lines.map((line) => line.id)])]);
+  app.emit("message", { text: `The other rail: ${length_m.toFixed(0)} m added.`, kind: "info" });
 }
 
 // The wires that hang with the selected one: its own conductor, or all

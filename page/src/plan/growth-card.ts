@@ -79,6 +79,7 @@ export class GrowthCard {
     const beside = growth.lines.filter(({ method }) => method === "template").length;
     if (beside > 0) reasons.push(`Template: ${beside} ${beside === 1 ? "line" : "lines"} beside it`);
     if (kind === "cable") reasons.push("Keep it, then Shift W follows it from pole to pole, Shift V with the wires beside it.");
+    if (kind === "guardrail" || kind === "barrier") reasons.push("Keep it, then Shift G adds the other rail, if it stands on a median.");
     if (growth.left_out) reasons.push(`Without template ${growth.left_out}: interrupted`);
     if (growth.unseen.length > 0) reasons.push(`Not seen: ${growth.unseen.join(", ")}`);
     this.fill(`${this.app.title(kind)}: ${lengthOf(growth)} m${growth.interrupted ? ", interrupted" : ""}`, reasons, [

@@ -5,6 +5,7 @@ const TITLES: Record<string, string> = {
   beside: "draw parallel",
   template: "add template",
   wire: "draw wire",
+  partner: "add the other rail",
   wires: "follow wires",
   dashes: "add dashes",
   kind: "change kind",

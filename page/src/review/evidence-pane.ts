@@ -41,7 +41,7 @@ export class EvidencePane implements Pane {
       const line = item.type === "boundary" ? "" : (item.ids[0] ?? "");
       if (line !== "" && !this.app.lines.has(line)) return; // settled meanwhile
       try {
-        const found = await api.evidence(item.kind, item.at, line, item.type === "gap");
+        const found = item.type === "stretch" ? null : await api.evidence(item.kind, item.at, line, item.type === "gap");
         if (this.item !== item) return;
         this.show(item, found);
         await this.showImages(item);
@@ -51,7 +51,8 @@ export class EvidencePane implements Pane {
     });
   }
 
-  private show(item: QueueItem, { across, along, facts }: Evidence): void {
+  private show(item: QueueItem, found: Evidence | null): void {
+    const { across, along, facts } = found ?? { across: null, along: null, facts: [["What to look for", "lines that are wrong, missing, or end too early"]] };
     const title = itemTitle(this.app, item);
     const line = this.app.lines.get(item.ids[0] ?? "");
     const bridged = line && line.bridged_m > 0 ? [["Bridged", `${line.bridged_m.toFixed(1)} of ${line.length_m.toFixed(1)} m: nothing was measured there`]] : [];
@@ -60,7 +61,7 @@ export class EvidencePane implements Pane {
     this.fill(
       element("h3", {}, title),
       list,
-      ...(across ? [acrossChart(across)] : [element("p", { class: "empty" }, "This survey has no points here.")]),
+      ...(across ? [acrossChart(across)] : found === null ? [] : [element("p", { class: "empty" }, "This survey has no points here.")]),
       ...(along && along.values.length > 1 ? [alongChart(along)] : []),
       element("div", { class: "evidence-images" }),
       element("p", { class: "decide" }, decisionText(item)),
@@ -94,7 +95,7 @@ export class EvidencePane implements Pane {
     for (const line of lines) if (item.ids.includes(line.id)) drawLine(context, line, canvas.width / width, brightened(this.app.colour(line.kind)));
     const title = `Show pair ${pair.number}, ${pair.chainage_m.toFixed(1)} m along the drive`;
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `${this.app.title(item.kind)} in pair ${pair.number}`);
+    canvas.setAttribute("aria-label", `${itemTitle(this.app, item)} in pair ${pair.number}`);
     return element("button", { type: "button", title, "aria-label": title, click: () => this.app.emit("pair", pair.number) }, canvas);
   }
 }

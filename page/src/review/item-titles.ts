@@ -5,12 +5,12 @@ import type { QueueItem } from "../app/documents";
 import { actionTitle } from "./action-titles";
 
 const TITLES = {
-  line: "Uncertain line", copy: "Measured twice", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", rest: "Other lines",
+  line: "Uncertain line", copy: "Measured twice", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes", stretch: "Look over the road", rest: "Other lines",
   sure: "Nothing to check",
 };
 
 export function itemTitle(app: App, item: QueueItem): string {
-  return item.type === "sure" || item.type === "rest" ? TITLES[item.type] : `${TITLES[item.type]}: ${app.title(item.kind)}`;
+  return item.type === "sure" || item.type === "rest" || item.type === "stretch" ? TITLES[item.type] : `${TITLES[item.type]}: ${app.title(item.kind)}`;
 }
 
 export function decisionText({ type, proposal }: QueueItem): string {
@@ -21,8 +21,9 @@ export function decisionText({ type, proposal }: QueueItem): string {
     gap: ["J: join both lines", "Shift F: follow on from here"],
     boundary: ["Shift F: follow it here"],
     dashes: ["A: accept the line as it is"],
+    stretch: ["Click a line that is wrong, then X: reject it", "Shift F, then click: follow one that is missing"],
     rest: ["A: accept them all", "X: reject them all"],
     sure: ["A: accept them all"],
   };
-  return [...own[type], ...take, "Q: dismiss", "N: next"].join(" · ");
+  return [...own[type], ...take, type === "stretch" ? "Q: looked over" : "Q: dismiss", "N: next"].join(" · ");
 }

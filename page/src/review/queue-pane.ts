@@ -104,6 +104,7 @@ export class QueuePane implements Pane {
     const line = item.type === "gap" ? this.app.lines.get(item.ids[0] ?? "") : undefined;
     this.app.followKind = item.kind;
     this.app.setTool("follow");
+    if (item.type === "stretch") return this.inform("Click beside the line that is missing.");
     await this.app.following.pick(item.at, line && { id: line.id, end: nearerEnd(line, item.at) });
   }
 
@@ -145,7 +146,7 @@ export class QueuePane implements Pane {
   private row(item: QueueItem): HTMLElement {
     const what = itemTitle(this.app, item);
     const swatch = element("span", { class: "swatch" });
-    swatch.style.backgroundColor = this.app.colour(item.kind);
+    if (item.kind !== "") swatch.style.backgroundColor = this.app.colour(item.kind);
     const row = element("button", { type: "button", class: "item", "data-key": item.key, click: () => this.look(item) },
       swatch,
       element("span", { class: "what" }, what),

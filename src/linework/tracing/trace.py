@@ -24,6 +24,7 @@ from linework.runs.opened.points import OpenedSurvey
 from linework.runs.opened.surface import SurveySight, SurveySurface
 from linework.runs.settings import RunSettings
 from linework.tracing.boxes import Corridor, SurveyBoxes
+from linework.tracing.medians import partners_of
 from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, piece_toward
 from linework.tracing.rails import RailPieces
 from linework.tracing.wires import HungWires, wires_along
@@ -146,6 +147,10 @@ class Tracer:
         """Return the wires that hang with a wire (n, 3) [m, world] from pole to pole; None: the points show none there."""
         found = wires_along(self._cables, wire)
         return None if found is None else replace(found, lines=self._in_crs(found.lines))
+
+    def partners_of(self, rail: FloatArray) -> LineSet:
+        """Return the lines of the rail or barrier that shares a median with one (n, 3) [m, world]; empty: the points show none."""
+        return self._in_crs(partners_of(self._rails, rail, self._ground.path))
 
     def _in_crs(self, lines: LineSet) -> LineSet:
         return lines.with_columns(crs=self._opened.survey.crs)

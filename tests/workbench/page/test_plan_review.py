@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.workbench.page.plan_page import PlanPage
+from tests.workbench.page.plan_page import PlanPage, middle_of
 from tests.workbench.serve_process import opened_page, wait_until
 
 
@@ -191,3 +191,36 @@ def test_the_report_by_chainage_is_of_the_lines_as_they_are(plan):
     report.close()
     plan.press("Shift+X")
     wait_until(lambda: plan.documents()[rejected["id"]]["review"] != "rejected")
+
+
+def test_a_stretch_of_road_is_looked_over(browser, served):
+    line = next(line for line in served.get("/api/lines")["lines"] if line["kind"] == "lane_marking")
+    (item,) = (item for item in served.get("/api/queue") if item["type"] == "stretch")
+    assert (item["ids"], item["kind"], item["proposal"]) == ([], "", None)
+    with opened_page(browser, served) as page:
+        plan = PlanPage(page, served)
+        wait_until(lambda: _left(plan) > 0)
+        page.locator(f".queue [data-key='{item['key']}']").click()
+        pane = page.locator(".evidence-pane")
+        wait_until(lambda: pane.get_attribute("data-key") == item["key"])
+        text = pane.inner_text()
+        assert "Look over the road" in text and "nobody has checked" in text
+        assert "Q: looked over" in text
+        wait_until(lambda: pane.locator(".evidence-images canvas").count() >= 2)
+        # What is seen to be wrong is rejected, and one stays at the stretch
+        plan.click(middle_of(line["xyz"]))
+        wait_until(lambda: plan.selected == [line["id"]])
+        plan.press("x")
+        wait_until(lambda: plan.documents()[line["id"]]["review"] == "rejected")
+        wait_until(lambda: _current(plan) == item["key"])
+        # What is missing is followed from a click
+        plan.press("Shift+F")
+        wait_until(lambda: "Click beside the line that is missing" in plan.message)
+        plan.press("Escape", "q")
+        wait_until(lambda: item["key"] not in {one["key"] for one in served.get("/api/queue")})
+        wait_until(lambda: _current(plan) != item["key"])
+        for _ in range(2):
+            revision = plan.revision
+            plan.press("Control+z")
+            wait_until(lambda revision=revision: plan.revision > revision)
+        assert plan.documents()[line["id"]]["review"] == ""

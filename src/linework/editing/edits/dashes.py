@@ -84,8 +84,9 @@ def dashes_by_paint(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[
 
     Notes
     -----
-    A dash that is there and whole stays, and one that somebody judged; pieces of a dash give way to the whole of it. What
-    comes is bridged: many dashes together say where it is, it was not seen itself.
+    A dash that is there and whole stays, also where it is longer than the paint's rhythm shows one, and one that somebody
+    judged; pieces of a dash, and one that is several, give way to the whole of it. What comes is bridged: many dashes
+    together say where it is, it was not seen itself.
 
     Raises
     ------
@@ -102,8 +103,11 @@ def missing_spans(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[Bo
     """Return which spans along a line (k,) need a new dash, and which dashes (n,) these replace."""
     there = _ends_along(line, dashes)
     lap = np.minimum(there[None, :, 1], spans[:, None, 1]) - np.maximum(there[None, :, 0], spans[:, None, 0])
-    size = np.diff(spans, axis=1)
-    stays = (np.abs(np.diff(there, axis=1)[:, 0] - size) <= WHOLE_DASH_M) | (dashes.review != "")
+    # The rhythm says where dashes are, and of worn paint too little of how long: a dash was measured at its ends
+    length_m, is_one = np.diff(there, axis=1)[:, 0], np.count_nonzero(lap > 0.0, axis=0) <= 1
+    too_long_m = length_m - np.diff(spans, axis=1)
+    is_whole = (too_long_m >= -WHOLE_DASH_M) & (is_one | (too_long_m <= WHOLE_DASH_M))
+    stays = is_whole | (dashes.review != "")
     comes = ~np.any((lap > 0.0) & stays, axis=1)
     return comes, np.any((lap > 0.0) & ~stays & comes[:, None], axis=0)
 

@@ -24,6 +24,9 @@ IN_LINE, ALONG_ROAD, JUST_ENDS = 0.9, 0.8, 0.5
 #: Kinds that are checked; of the second, only gaps between aligned pieces: rails do end.
 _TRACKED = ("lane_marking", "guardrail", "barrier", "fence")
 _ENDS_ANYWHERE = ("guardrail", "barrier", "fence")
+#: Most that is missing between two such pieces: of thirteen gaps of 7 to 511 m on simulated streets and motorways (seeds 985
+#: and 3410 to 3412), 0 to 10 m were. [m]
+MOST_MISSING_OF_RAILS_M = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +129,7 @@ def _gap(
     ids = tuple(end[0] for end in (before, behind) if end is not None)
     tip = before[1] if before is not None else behind[1] if behind is not None else places[0]
     side = "left" if left_start > 0 else "right"
+    missing_m = min(to_see, MOST_MISSING_OF_RAILS_M) if kind in _ENDS_ANYWHERE else to_see
     reason = (
         f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"
         else f"ends; an aligned line starts {length_m:.0f} m further on" if len(ids) == 2
@@ -138,7 +142,7 @@ def _gap(
             kind=kind,
             at=(float(tip[0]), float(tip[1])),
             box=view_box(places),
-            length_m=likely * to_see,
+            length_m=likely * missing_m,
             confidence=1.0 - likely,
             reason=reason,
             n_looks=max(length_m / VIEW_M, 1.0) if not ids else 1.0,

@@ -30,8 +30,10 @@ from linework.model.lines import LineSet
 from linework.tracing.wires import HungWires
 from linework.workbench.edits.hung_wires import wires_change
 from linework.workbench.edits.keep_trace import kept_change
+from linework.workbench.edits.median_rails import partner_change
 from linework.workbench.edits.orders import (
     AddDashes,
+    AddPartner,
     AddWires,
     ChangeKind,
     DeleteLines,
@@ -68,7 +70,7 @@ class EditInputs:
     kept
         The followed line that it saves first, and then those beside it.
     beside
-        The lines of a template beside the line that is kept or named.
+        The lines of a template beside the line that is kept or named, or the other rail of its median.
     wires
         The wires that hang with the one that is named.
     spans
@@ -253,6 +255,11 @@ def _with_wires(edit: AddWires, lines: LineSet, inputs: EditInputs) -> Change:
     return wires_change(edit.action, lines, inputs.wires, own_only=edit.which == "own")
 
 
+def _with_partner(edit: AddPartner, lines: LineSet, inputs: EditInputs) -> Change:
+    found = LineSet.empty(lines.crs) if inputs.beside is None else inputs.beside
+    return partner_change(edit.action, lines, lines_of(lines, [edit.id]), found)
+
+
 def _dismissed(edit: DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
     empty = LineSet.empty(lines.crs)
     return Change(f"{edit.action} {edit.key}", empty, empty)
@@ -314,6 +321,7 @@ _MAKERS: dict[type, Callable[..., Change]] = {
     KeepTrace: _kept,
     LinesBeside: _with_template,
     AddWires: _with_wires,
+    AddPartner: _with_partner,
     DismissSuspect: _dismissed,
 }
 

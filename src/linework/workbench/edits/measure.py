@@ -12,9 +12,11 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.editing.edits.new_lines import line_beside
 from linework.errors import UsageError
+from linework.tracing.medians import MEDIAN_KINDS
 from linework.workbench.edits.apply import EditInputs, lines_of
 from linework.workbench.edits.orders import (
     AddDashes,
+    AddPartner,
     AddWires,
     DrawBeside,
     DrawLine,
@@ -31,7 +33,7 @@ from linework.workbench.edits.orders import (
 from linework.workbench.following.beside import template_beside
 from linework.workbench.following.templates import template_of_survey
 from linework.workbench.following.traces import INTERRUPT, kept_trace
-from linework.workbench.following.wires import wires_in_worker
+from linework.workbench.following.wires import partners_in_worker, wires_in_worker
 from linework.workbench.review.paint import dash_spans
 from linework.workbench.server.app_state import AppState
 from linework.workbench.views.heights import heights_at
@@ -102,6 +104,14 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
         if str(line.kind[0]) != "cable":
             raise UsageError(f"a {line.kind[0]} is not a wire", where=edit.action, advice="select a cable")
         return EditInputs(wires=await app_state.tracing.ask(wires_in_worker, line.xyz))
+    if isinstance(edit, AddPartner):
+        line = lines_of(app_state.line_file.lines, [edit.id])
+        if str(line.kind[0]) not in MEDIAN_KINDS:
+            raise UsageError(
+                f"a {line.kind[0]} has no partner on a median", where=edit.action,
+                advice="select a guardrail or a barrier",
+            )  # fmt: skip
+        return EditInputs(beside=await app_state.tracing.ask(partners_in_worker, line.xyz))
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):

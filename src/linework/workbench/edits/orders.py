@@ -168,6 +168,13 @@ class AddWires(Document):
     which: Literal["own", "all"]
 
 
+class AddPartner(Document):
+    """Add the other rail or barrier of the median on which one stands."""
+
+    action: Literal["partner"]
+    id: Id
+
+
 class DismissSuspect(Document):
     """Dismiss an item of the review queue."""
 
@@ -194,6 +201,7 @@ EditOrder = Annotated[
     | KeepTrace
     | LinesBeside
     | AddWires
+    | AddPartner
     | DismissSuspect,
     Field(discriminator="action"),
 ]

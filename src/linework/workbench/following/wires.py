@@ -1,4 +1,4 @@
-"""Requests to a worker: the wires that hang with a saved wire from pole to pole.
+"""Requests to a worker: the wires that hang with a saved wire from pole to pole, and the other rail of a median.
 
 Separate from `follow`, which follows one line from a click.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from linework.arrays import FloatArray
 from linework.errors import AbsentError
+from linework.model.lines import LineSet
 from linework.tracing.wires import HungWires
 from linework.workbench.following.follow import tracer_of
 from linework.workbench.worker.session import SurveySession
@@ -26,3 +27,8 @@ def wires_in_worker(session: SurveySession, wire: FloatArray) -> HungWires:
             "the points show no wire where the line is", where="wires", advice="follow it again from a click"
         )
     return found
+
+
+def partners_in_worker(session: SurveySession, rail: FloatArray) -> LineSet:
+    """Return the lines of the rail or barrier that shares a median with one (n, 3) [m, world]; empty where none does."""
+    return tracer_of(session).partners_of(rail)

@@ -12,6 +12,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.editing.queue.copies import copied_lines
 from linework.editing.queue.gaps import gap_suspects
+from linework.editing.queue.stretches import road_stretches
 from linework.editing.queue.suspects import (
     Suspect,
     loose_wires,
@@ -69,6 +70,8 @@ def suspects(
         *missing_dashes(there, paint),
     ]
     ranked = rank_suspects(found)
+    listed = frozenset(name for suspect in ranked for name in suspect.ids if suspect.type in ("line", "copy"))
+    ranked = rank_suspects([*ranked, *road_stretches(there, path, visible, listed)])
     # Nothing is accepted with others that may be there twice
     single = there.take(~np.isin(there.id, [name for suspect in copies for name in suspect.ids]))
     return ranked + unlisted_lines(single, ranked) + sure_lines(single)
