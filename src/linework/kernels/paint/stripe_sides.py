@@ -32,7 +32,7 @@ WIDEST_LINE_M = 0.45
 #: Fewest points that show a level, and how far beyond the edge of another line its own points may lie [m].
 FEWEST_BESIDE, BESIDE_BAND_M = 5, 0.02
 #: Smallest contrast that the difference of the sides is divided by, of that of the search area's bright points.
-LEAST_CONTRAST = 0.01
+LEAST_EXCESS = 0.01
 
 
 @njit(cache=True, nogil=True)
@@ -73,7 +73,7 @@ def sides_of(
         if is_dark and beyond - band >= GONE_BEYOND * (other - band):
             found[side] = beyond
     contrast = fit[FIT_PAINT] - min(found[0], found[1])
-    return float(abs(found[0] - found[1]) / max(contrast, LEAST_CONTRAST))
+    return float(abs(found[0] - found[1]) / max(contrast, LEAST_EXCESS))
 
 
 @njit(cache=True, nogil=True)
