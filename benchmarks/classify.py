@@ -36,6 +36,7 @@ def main(arguments=()):
     parser.add_argument("--length-m", type=float, default=150.0)
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--roads", nargs="+", default=ROADS)
+    parser.add_argument("--conditions", default="usual", choices=("usual", "hard"))
     parser.add_argument("--cost", type=float, default=0.0, metavar="MILLIONS", help="points of the files")
     options = parser.parse_args(arguments)
     warnings.simplefilter("ignore", linework.errors.LineworkWarning)
@@ -47,15 +48,15 @@ def main(arguments=()):
         total = np.zeros((len(NAMES), len(NAMES)), dtype=np.int64)
         for road in options.roads:
             for seed in options.seeds:
-                counts = counted(road, seed, options.length_m, by)
+                counts = counted(road, seed, options.length_m, by, options.conditions)
                 print_row(f"{road:11}{seed:4} {by:6}", counts)
                 total += counts if road not in WITHOUT_ROAD else 0
         print_row(f"{'all roads':15} {by:6}", total)
 
 
-def counted(road, seed, length_m, by):
+def counted(road, seed, length_m, by, conditions):
     """Return the number of points by true class (rows) and by class (columns)."""
-    survey = simulate_survey(road, seed, length_m)
+    survey = simulate_survey(road, seed, length_m, conditions=conditions)
     points = survey.points
     if by == "exact":
         lines = survey.truth

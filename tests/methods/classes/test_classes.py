@@ -105,6 +105,20 @@ def test_only_what_is_bright_of_a_marking_is_paint():
     assert is_all(plain, PointClass.ROAD, inside)
 
 
+@pytest.mark.parametrize("zero", [0.0, 30_000.0])
+def test_paint_shows_by_the_noise_beside_it_whatever_the_zero_of_the_intensities(zero):
+    xyz = ground_points(level)
+    x, y = xyz[:, 0], xyz[:, 1]
+    inside = np.abs(y - 4.0) <= 0.15
+    paint = inside & (x < 30.0)
+    noise = np.random.default_rng(3).normal(0.0, 5.0, len(xyz))
+    intensity = (np.where(paint, 80.0, 40.0) + noise + zero).astype(np.float32)
+    lines = LineSet.from_lines([along(4.0)], kind=["lane_marking"], width_m=[0.3])
+    found = classes_of(xyz, lines, intensity=intensity).classes == PointClass.MARKING
+    assert found[paint].mean() > 0.99
+    assert not found[inside & (x > 30.0)].any()
+
+
 def test_of_a_dashed_marking_the_dashes_are_paint():
     xyz = ground_points(level)
     lines = LineSet.from_lines(

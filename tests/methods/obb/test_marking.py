@@ -120,6 +120,26 @@ def test_the_stone_between_two_materials_is_no_paint(rng: np.random.Generator) -
     assert len(sure(boxes_in(xyz, intensity))) <= 2
 
 
+def test_the_shoulder_of_a_wheel_track_along_a_sealed_joint_is_no_paint(rng: np.random.Generator) -> None:
+    xyz, intensity = road_points(rng, [], per_m2=900.0)
+    y = xyz[:, 1]
+    # The road grows brighter over 0.25 m up to a dark joint of 0.09 m, and goes on as bright behind it
+    track = intensity * (1.0 + 0.7 * np.clip((y - 5.75) / 0.25, 0.0, 1.0))
+    joint = np.where((y > 6.0) & (y < 6.09), 0.5 * intensity, track)
+    boxes = boxes_in(xyz, joint)
+    assert np.sum(np.abs(in_scene(boxes.centre)[:, 1] - 5.9) < 0.1) >= 10
+    assert len(sure(boxes)) <= 2
+
+
+def test_a_line_along_a_sealed_joint_is_found(rng: np.random.Generator) -> None:
+    line = Stripe((0.5, 6.0), (11.5, 6.0), 0.12, 1.7)
+    xyz, intensity = road_points(rng, [line], per_m2=900.0)
+    joint = np.abs(xyz[:, 1] - 6.105) < 0.045
+    boxes = sure(boxes_in(xyz, np.where(joint, 0.5 * intensity, intensity)))
+    assert len(boxes) >= 18
+    assert np.abs(line.across(in_scene(boxes.centre))).max() < 0.03
+
+
 def test_bright_ground_on_one_side_is_no_paint(rng: np.random.Generator) -> None:
     xyz, intensity = road_points(rng, [])
     intensity[xyz[:, 1] > 6.0] *= 3.0

@@ -35,6 +35,7 @@ from linework.kernels.paint.stripe_search import (
     direction,
     stripes_across,
 )
+from linework.kernels.paint.stripe_sides import sides_of
 
 #: Columns of a stripe: centre, unit vector along it, half extents [m]; standard deviations across, of the height [m]
 #: and of the direction [rad]; t-value of the paint against the road; height of a step under it and its sigma [m];
@@ -177,10 +178,7 @@ def stripes_in_area(
             row[STRIPE_POINTS] = used
             blur = fine_blur(near, (begin, end), high - low, radius, fit)
             row[STRIPE_FADES] = fade_gain(near, (begin, end), blur, fit)
-            darker, brighter = fit[FIT_ROAD_LEFT], fit[FIT_ROAD_RIGHT]
-            if darker > brighter:
-                darker, brighter = brighter, darker
-            row[STRIPE_SIDES] = (brighter - darker) / (fit[FIT_PAINT] - darker)
+            row[STRIPE_SIDES] = sides_of(work, n, axes, (begin, end), fit, edges[:m], j)
             row[STRIPE_SPACING] = radius * math.sqrt(math.pi * (1.0 + PROFILE_REACH * PROFILE_REACH) / n)
             number += 1
     return number, HOLES if sparse else (STRIPE_FOUND if number else NO_STRIPE)

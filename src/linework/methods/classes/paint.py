@@ -16,9 +16,13 @@ from linework.kernels.classes.paint import on_and_beside
 #: Paint is as bright as the brightest tenth of what is within its outline, as worn paint has bare places; road as the
 #: median of what is beside it. [share]
 _BRIGHT, _MIDDLE = 0.90, 0.5
-#: Plain asphalt, whose texture and noise are some 10 %, differs by less between those two shares; paint, which is at
-#: least 1.3 times as bright as road, by more. [ratio]
-_LEAST_CONTRAST = 1.15
+#: Shares of a normal distribution one standard deviation below and above its median.
+_LOW, _HIGH = 0.1587, 0.8413
+#: Standard errors of those two shares of normal values, in standard deviations of one over the root of their number.
+_ERROR_OF_BRIGHT, _ERROR_OF_MIDDLE = 1.709, 1.253
+#: Paint shows where either share stands out from that beside it by so many standard errors: of pieces without paint one
+#: in 370 does.
+_LEAST_T = 3.0
 #: Fewest points on and beside a piece that show it. [points]
 _LEAST_POINTS = 8
 
@@ -54,22 +58,34 @@ def least_of_paint(
     value = intensity[point].astype(np.float64)
     beside = ~is_on
     beside[beside] = is_road(point[beside])
-    dark = _share_of(value[beside], piece[beside], len(least), _MIDDLE)
-    bright = _share_of(value[is_on], piece[is_on], len(least), _BRIGHT)
+    n = len(least)
+    (road, n_road), (paint, n_paint) = (_by_piece(value[k], piece[k], n) for k in (beside, is_on))
+    dark, dark_bright, below, above = (
+        _share_of(road, n_road, share) for share in (_MIDDLE, _BRIGHT, _LOW, _HIGH)
+    )
+    middle, bright = (_share_of(paint, n_paint, share) for share in (_MIDDLE, _BRIGHT))
     known = np.isfinite(dark) & np.isfinite(bright)
-    shows = known & (bright >= _LEAST_CONTRAST * dark)
     least[known] = np.inf
-    least[shows] = 0.5 * (dark + bright)[shows]
+    # In units of the noise beside the piece, which holds whatever the zero of the intensities is
+    points = np.stack([np.diff(n_road), np.diff(n_paint)])[:, known]
+    error = 0.5 * (above - below)[known] * np.sqrt((1.0 / points).sum(axis=0))
+    shows = (bright - dark_bright)[known] > _LEAST_T * _ERROR_OF_BRIGHT * error
+    shows |= (middle - dark)[known] > _LEAST_T * _ERROR_OF_MIDDLE * error
+    shown = np.flatnonzero(known)[shows]
+    least[shown] = 0.5 * (dark + bright)[shown]
     return least
 
 
-def _share_of(value: FloatArray, piece: AnyArray, n: int, share: float) -> FloatArray:
-    """Return the value below which a share of the values of each piece lie, (n,) float64; NaN for too few of them."""
+def _by_piece(value: FloatArray, piece: AnyArray, n: int) -> tuple[FloatArray, IntArray]:
+    """Return values sorted within their pieces, and where those of each of n pieces start, (n + 1,)."""
     order = np.lexsort((value, piece))
-    start = np.searchsorted(piece[order], np.arange(n + 1))
+    return value[order], np.searchsorted(piece[order], np.arange(n + 1)).astype(np.int64)
+
+
+def _share_of(value: FloatArray, start: IntArray, share: float) -> FloatArray:
+    """Return the value below which a share of the values of each piece lie, (n,) float64; NaN for too few of them."""
     count = np.diff(start)
-    found = np.full(n, np.nan)
+    found = np.full(len(count), np.nan)
     enough = np.flatnonzero(count >= _LEAST_POINTS)
-    at = start[enough] + np.floor(share * (count[enough] - 1)).astype(np.int64)
-    found[enough] = value[order][at]
+    found[enough] = value[start[enough] + np.floor(share * (count[enough] - 1)).astype(np.int64)]
     return found

@@ -48,9 +48,9 @@ from linework.methods.tracking.arrangement import (
 )
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.edge_roles import edge_roles
-from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
+from linework.methods.tracking.guides import LEAST_GUIDE_M, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
-from linework.methods.tracking.neighbours import LineAxis, axes_of_path
+from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis, axes_of_path, half_lane_sides
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
@@ -63,6 +63,9 @@ KERB_SIDE_M = 1.0
 SURE = 0.9
 #: Greatest width of a bar of a crossing or a stop line: wider bright areas are not paint. [m]
 WIDEST_BAR_M = 1.0
+#: Half a lane: from its line to the arrows in its middle (lanes are 2.5 to 4 m wide, the outer ones with a strip beside
+#: their line). [m]
+HALF_LANE_M = (1.2, 2.2)
 #: Edges that were not taken for these reasons may have a role beside a boundary.
 MAY_HAVE_ROLE = (KERB_BED, GUTTER, HIDDEN, NOTHING_IN_FRONT, OUTWEIGHED)
 #: Kerb stones are brighter than asphalt and up to 0.3 m wide: stripes so far behind a kerb's foot are not paint, nor
@@ -193,13 +196,18 @@ def find_paint(now: Joining) -> Joining:
     bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
     markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible, strips)
     other = [*other, *marking_lines.bar_lines(blobs, bars, now.is_visible)]
+    # Half a lane beside a line, pieces in a row may be arrows
+    long = [c for c in axes_of_lines(markings) if len(c.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
+    sides = half_lane_sides(axes_of_lines(markings), [*long, *axes_of_lines(now.boundaries)], HALF_LANE_M)
+    markings, symbols, rows = marking_lines.without_symbols(stripes, markings, sides, now.is_visible, strips)
+    other = [*other, *symbols]
     if now.keeps_candidates:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
         found, _ = marking_lines.marking_lines(stones, tracks, now.is_visible)
         unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible, strips)
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
-        now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in unlikely])
+        now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in [*unlikely, *rows]])
     return replace(now, markings=markings, other=other)
 
 

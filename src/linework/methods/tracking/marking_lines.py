@@ -19,6 +19,7 @@ from linework.methods.tracking.against_paint import (
 )
 from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.guides import LEAST_GUIDE_M
+from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, chance_of_line, odds_of_line
 from linework.methods.tracking.pattern import (
     PATCH_M,
     PaintRhythm,
@@ -56,6 +57,8 @@ TOLERANCE_M = 0.10
 #: Bounds of the share of a solid line that wear has removed, and of the share of missing dashes: with none or all gone
 #: no longest gap follows. [-]
 _WORN_SHARE, _MISSING_SHARE = (0.01, 0.99), (0.05, 0.8)
+#: Rows of paint that are less likely a line than not are none.
+LEAST_LINE_CHANCE = 0.5
 #: Without any other bright strip.
 NO_STRIPS = BrightStrips(BoxSet.empty())
 
@@ -110,8 +113,8 @@ def marking_lines(
     lines, other = list[SmoothMarking](), list[SmoothMarking]()
     for found in _all_markings(boxes, tracks, visible, strips):
         # What is too bare for a line may be shorter paint in a row; stones are told by their step along the whole line
-        is_whole = _is_line(found) or found.why_unlikely == ON_STEP
-        parts = [found] if is_whole else _without_gaps(boxes, found, strips)
+        is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and found.why_unlikely != BARE_ROW)
+        parts = [found] if is_whole else _without_gaps(boxes, found, visible, strips)
         for m in parts:
             if not m.why_unlikely:
                 (lines if _is_line(m) else other).append(m)
@@ -122,7 +125,34 @@ def _is_line(marking: SmoothMarking) -> bool:
     return has_its_dashes(marking) if marking.rhythm is not None else _is_solid(marking.paint)
 
 
-def _without_gaps(boxes: BoxSet, marking: SmoothMarking, strips: BrightStrips) -> list[SmoothMarking]:
+def without_symbols(
+    boxes: BoxSet,
+    markings: Sequence[SmoothMarking],
+    lane_sides: IntArray,
+    visible: Sight,
+    strips: BrightStrips = NO_STRIPS,
+) -> tuple[list[SmoothMarking], list[SmoothMarking], list[SmoothMarking]]:
+    """Return the lines that are more likely lines than symbols in a row, the pieces of the others, and these others.
+
+    Parameters
+    ----------
+    lane_sides
+        (m,) on how many sides of each another line is half a lane away, see `half_lane_sides`.
+    """
+    lines, pieces, rows = list[SmoothMarking](), list[SmoothMarking](), list[SmoothMarking]()
+    for m, sides in zip(markings, lane_sides.tolist(), strict=True):
+        chance = chance_of_line(odds_of_line(m.line, m.paint, m.rhythm, m.dashes, visible, sides))
+        if sides == 0 or chance >= LEAST_LINE_CHANCE:
+            lines.append(m)
+        else:
+            pieces += [p for p in _without_gaps(boxes, m, visible, strips) if not p.why_unlikely]
+            rows.append(replace(m, why_unlikely=SYMBOLS))
+    return lines, pieces, rows
+
+
+def _without_gaps(
+    boxes: BoxSet, marking: SmoothMarking, visible: Sight, strips: BrightStrips
+) -> list[SmoothMarking]:
     """Return the pieces of a marking between its gaps that are longer than `SHORT_GAP_M`, each at least two boxes."""
     box = marking.boxes
     t, reach = boxes.along(box), boxes.half_u_m[box]
@@ -135,7 +165,7 @@ def _without_gaps(boxes: BoxSet, marking: SmoothMarking, strips: BrightStrips) -
             t, reach = boxes.along(piece), boxes.half_u_m[piece]
             paint = merged_intervals(t - reach, t + reach, CLOSE_M)
             line = smooth_line(boxes, piece, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
-            found.append(_marking(boxes, piece, line, paint, None, strips))
+            found.append(_marking(boxes, piece, line, paint, None, visible, strips))
     return found
 
 
@@ -197,7 +227,7 @@ def _markings(boxes: BoxSet, box: IntArray, visible: Sight, strips: BrightStrips
     found: list[SmoothMarking] = []
     for first, piece in zip([0, *cuts], np.split(box, cuts), strict=True):
         if len(piece) >= 2:
-            found += _by_pattern(boxes, piece, stretches, float(t[first]), strips)
+            found += _by_pattern(boxes, piece, stretches, float(t[first]), visible, strips)
     return found
 
 
@@ -237,7 +267,12 @@ def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
 
 
 def _by_pattern(
-    boxes: BoxSet, box: IntArray, stretches: Sequence[PatternStretch], start_m: float, strips: BrightStrips
+    boxes: BoxSet,
+    box: IntArray,
+    stretches: Sequence[PatternStretch],
+    start_m: float,
+    visible: Sight,
+    strips: BrightStrips,
 ) -> list[SmoothMarking]:
     """Return the markings through boxes (k,) of a track: one smooth line, cut where its pattern changes.
 
@@ -253,14 +288,14 @@ def _by_pattern(
     if all(stretch.rhythm is None for stretch in own_stretches):
         own_stretches = _within(stretches, start_m, paint) or own_stretches
     if len(own_stretches) == 1:
-        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm, strips)]
+        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm, visible, strips)]
     found = []
     for stretch in own_stretches:
         own = box[(t >= stretch.start_m) & (t <= stretch.end_m)]
         inside = paint[(paint[:, 1] > stretch.start_m) & (paint[:, 0] < stretch.end_m)]
         if len(own) >= 2 and len(inside):
             part = _cut(line, stretch.start_m, stretch.end_m)
-            found.append(_marking(boxes, own, part, inside, stretch.rhythm, strips))
+            found.append(_marking(boxes, own, part, inside, stretch.rhythm, visible, strips))
     return found
 
 
@@ -280,6 +315,7 @@ def _marking(
     line: SmoothLine,
     paint: FloatArray,
     rhythm: PaintRhythm | None,
+    visible: Sight,
     strips: BrightStrips,
 ) -> SmoothMarking:
     """Return the marking through boxes (k,) on a smooth line, with its paint (j, 2) [m]."""
@@ -288,10 +324,16 @@ def _marking(
     against = strips.scores_where(line, boxes.centre[box, :2], expected)
     score, one_plane = np.concatenate([boxes.score[box], against]), chance_of_one_plane(boxes, box)
     width_m = 2.0 * float(np.median(boxes.half_v_m[box]))
-    return SmoothMarking(
+    found = SmoothMarking(
         line, box, paint, rhythm, dashes, width_m, confidence_of(score, line.sigma_xy_m) * one_plane,
         boxes.time_span(box), why_not_paint(width_m, float(np.mean(score)), one_plane),
     )  # fmt: skip
+    if not _is_line(found):
+        return found
+    # Of a line what was measured says that it is one, not what was bridged
+    chance = chance_of_line(odds_of_line(line, paint, rhythm, dashes, visible))
+    why = found.why_unlikely or (BARE_ROW if chance < LEAST_LINE_CHANCE else "")
+    return replace(found, confidence=found.confidence * chance, why_unlikely=why)
 
 
 def bridged_paint_stations(marking: SmoothMarking) -> BoolArray:

@@ -126,3 +126,23 @@ def find_neighbours(axes: Sequence[LineAxis], reach_m: float) -> Neighbours:
         else np.zeros(0, bool)
     )
     return Neighbours(owner[a[first]], owner[b[first]], a[first], across[first], facing[first])
+
+
+def half_lane_sides(
+    axes: Sequence[LineAxis], lines: Sequence[LineAxis], half_m: tuple[float, float]
+) -> IntArray:
+    """Return on how many sides of each axis, 0 to 2, one of the lines lies half a lane away along most of it, (m,).
+
+    half_m: least and greatest distance. [m]
+    """
+    m = len(axes)
+    n = find_neighbours([*axes, *lines], half_m[1])
+    near = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) >= half_m[0])
+    stations = np.array([len(c.xy) for c in axes], dtype=np.int64)
+    sides = np.zeros(m, dtype=np.int64)
+    for sign in (1.0, -1.0):
+        beside = near & (n.across_m * sign > 0.0)
+        _, first = np.unique(n.station[beside], return_index=True)
+        count = np.bincount(n.line[beside][first], minlength=m)
+        sides += 2 * count > stations
+    return sides

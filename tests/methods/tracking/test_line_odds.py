@@ -1,0 +1,77 @@
+"""Pieces of paint in a row: one line, or a few stripes and symbols that lie in a row."""
+
+import numpy as np
+import pytest
+from tests.scenes.box_scenes import boxes_on, everything_seen, nothing_seen, straight
+
+from linework.methods.obb.method import Obb
+from linework.methods.protocol import SurveyContext
+from linework.methods.tracking import marking_lines
+from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, log_odds
+from linework.methods.tracking.neighbours import LineAxis, half_lane_sides
+from linework.methods.tracking.track import Tracks
+
+#: Four pieces of 2.2 m over 31 m, and a line with half of its paint.
+FEW = [straight(2.2, x=x) for x in (0.0, 4.5, 16.0, 29.0)]
+HALF = [
+    straight(3.0, x=x)
+    for x in np.arange(0.0, 60.0, 6.3) + np.array([0, 0.9, 0.2, 1.4, 0.6, 0, 1.2, 0.3, 1.0, 0.1])
+]
+
+
+def rows_of(boxes, seen=everything_seen):
+    """The lines, and the rows that are more likely something else, of boxes that are tracked as one line."""
+    order = np.argsort(boxes.centre[:, 0], kind="stable")
+    one = Tracks(order, np.ones(len(order)), np.array([0, len(order)]))
+    lines, _ = marking_lines.marking_lines(boxes, one, seen)
+    return lines, marking_lines.unlikely_lines(boxes, one, seen)
+
+
+def test_evidence_adds_up():
+    assert log_odds(20.0, 20.0) > log_odds(10.0, 10.0) > log_odds(5.0, 10.0) > log_odds(2.0, 10.0)
+    assert log_odds(3.0, 23.0) < 0.0 < log_odds(2.4, 0.0)
+
+
+def test_a_worn_line_is_sure_and_hidden_road_says_nothing():
+    (line,), _ = rows_of(boxes_on(*HALF, noise=0.005))
+    assert line.confidence > 0.95
+    few = boxes_on(straight(3.0), straight(3.0, x=7.0), noise=0.005)
+    (hidden,), _ = rows_of(few, seen=nothing_seen)
+    (seen,), _ = rows_of(few)
+    assert hidden.confidence > seen.confidence + 0.2
+
+
+def joined(boxes, **choices):
+    lines = Obb(**choices).join(boxes, SurveyContext())
+    return lines["lane_marking"], lines
+
+
+@pytest.mark.parametrize(("lines", "is_line"), [(0, True), (1, False), (2, False)])
+def test_arrows_half_a_lane_beside_a_line_are_no_line(lines, is_line):
+    arrows = [straight(4.5, x=20.0, y=0.0), straight(3.5, x=28.5, y=0.0)]
+    beside = [straight(60.0, y=1.75), straight(60.0, y=-1.75)][:lines]
+    markings, all_lines = joined(boxes_on(*arrows, *beside, noise=0.005))
+    assert len(markings) == lines + is_line
+    if not is_line:
+        other = all_lines["road_marking_other"]
+        assert len(other) == 2 and np.all(np.abs(other.xyz[:, 1]) < 0.05)
+        kinds = ("lane_marking", "candidate")
+        kept = joined(boxes_on(*arrows, *beside, noise=0.005), kinds=kinds)[1]["candidate"]
+        assert SYMBOLS in kept.reason
+
+
+def test_a_long_piece_half_a_lane_beside_a_line_is_one():
+    markings, _ = joined(boxes_on(straight(25.0, x=10.0), straight(60.0, y=1.75), noise=0.005))
+    assert len(markings) == 2
+
+
+def test_the_sides_on_which_a_line_is_half_a_lane_away_are_counted():
+    axes = [LineAxis.of(np.linspace(0.0, 40.0, 41), np.column_stack([np.linspace(0.0, 40.0, 41), np.full(41, y)]))
+            for y in (0.0, 1.7, -1.8, 5.0)]  # fmt: skip
+    assert half_lane_sides(axes, axes, (1.2, 2.2)).tolist() == [2, 1, 1, 0]
+
+
+def test_a_row_of_few_pieces_over_bare_road_is_kept_with_the_reason():
+    lines, unlikely = rows_of(boxes_on(*FEW, noise=0.005))
+    assert not lines
+    assert [row.why_unlikely for row in unlikely] == [BARE_ROW]
