@@ -100,7 +100,7 @@ def _polynomial(pieces: Sequence[tuple[float, FloatArray]], t: float) -> float:
 def read_opendrive(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the borders of lanes that have a road mark, and the objects that have a skeleton or go on without a break.
+    """Read the borders of lanes that have a road mark, and the long objects: skeletons, rails that are repeated.
 
     The kind is ours where the file has it; else that of the road mark, and of objects their type. Roads that cannot be
     evaluated are added to `left_out`.
