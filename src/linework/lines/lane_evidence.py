@@ -33,11 +33,15 @@ _DOUBLE_M = 1.0
 STRAY_PAINT_M = (0.5, 1.2)
 #: Stripes of a double line are this far apart (decision 83). So is older paint from the line that replaced it. [m]
 _TWO_STRIPES_M = (0.15, 0.5)
+#: Lines that were shifted together are as far from the older ones, to within twice the width of a line. [m]
+_SAME_SHIFT_M = 0.3
 #: Wear comes in patches of this length, so that as many places of a line are worn independently [m]; a line that is worn
 #: more than the one beside it by this many standard deviations is older: by chance once in 370 pairs.
 _PATCH_M, _OLDER_SIGMAS = 2.5, 3.0
 #: Fewest bare places of a worn stripe: what one car hides, or a hole in the data, is one or two.
 _LEAST_BARE = 3
+#: Lines with a lower confidence are more likely none than one.
+_LIKELY = 0.5
 #: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
 #: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
 _STRIP_M = 1.5
@@ -57,6 +61,54 @@ class Bound(NamedTuple):
     bridged: bool
 
 
+class _Pairs:
+    """Paint 0.15 to 0.5 m beside other paint: the stripes of a double line, or two generations of paint.
+
+    A road has one double line, in its middle; who paints anew beside what is there does so with all lines of the road.
+    Two pairs at one station are therefore two generations of paint. Wear alone does not tell: of a double line one stripe
+    may be worn away by those who cut a bend.
+    """
+
+    def __init__(self) -> None:
+        #: Whether each of two lines is bridged, station by station.
+        self.bridged: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
+        self._sum_m: dict[tuple[int, int], float] = defaultdict(float)
+        self._here: list[tuple[float, float]] = []
+        self._n_stations = {"one": 0, "two": 0, "shifted": 0}
+
+    def add(self, a: Bound, b: Bound) -> None:
+        """Take in two lines at this station."""
+        first, second = sorted((a, b))
+        apart_m = abs(b.offset_m - a.offset_m)
+        self.bridged[first.line, second.line].append((first.bridged, second.bridged))
+        self._sum_m[first.line, second.line] += apart_m
+        self._here.append((0.5 * (a.offset_m + b.offset_m), apart_m))
+
+    def next_station(self) -> None:
+        """Close this station."""
+        if self._here:
+            places = sorted(self._here)
+            others = [k for k in range(1, len(places)) if places[k][0] - places[k - 1][0] > _DOUBLE_M]
+            sizes = [apart_m for _, apart_m in places]
+            is_shifted = len(others) > 1 and max(sizes) - min(sizes) < _SAME_SHIFT_M
+            self._n_stations["shifted" if is_shifted else "two" if others else "one"] += 1
+        self._here = []
+
+    def apart_m(self, a: int, b: int) -> float:
+        """Return the mean distance of two lines [m]."""
+        return self._sum_m[a, b] / len(self.bridged[a, b])
+
+    @property
+    def are_many(self) -> bool:
+        """Whether at most stations with a pair there is another one beside it."""
+        return self._n_stations["two"] + self._n_stations["shifted"] > self._n_stations["one"]
+
+    @property
+    def are_shifted(self) -> bool:
+        """Whether at most stations with a pair there are three as wide as each other: all lines, and the same aside."""
+        return 2 * self._n_stations["shifted"] > sum(self._n_stations.values())
+
+
 class BoundEvidence:
     """Pairs of lines that bound no lane, by what there is at all stations so far.
 
@@ -71,6 +123,7 @@ class BoundEvidence:
         self._is_inner = has_role & (lines.double | (lines.pattern == "dashed"))
         self._may_be_alone = has_role
         self._is_edge = lines.role == "edge"
+        self._is_unlikely = lines.confidence < _LIKELY
         self._is_kerb = lines.form == "kerb"
         self._is_unknown = self._is_paint & (lines.role == "")
         self._length_m = lines.length_m
@@ -78,6 +131,8 @@ class BoundEvidence:
         self._size = _sizes(lines, self._measured_m)
         #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
         self.strays: set[int] = set()
+        #: Lines with paint of another generation beside them, either of which may be the one that counts: how far. [m]
+        self.unsettled_m: dict[int, float] = {}
         #: Paint beside longer paint, nearer than a lane is wide: its pieces count one by one.
         self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
@@ -90,7 +145,7 @@ class BoundEvidence:
         """Take in what crosses the perpendiculars of a road."""
         beside: Counter[int] = Counter()
         in_strip: Counter[int] = Counter()
-        side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
+        pairs, wide = _Pairs(), _Pairs()
         self._add_paint_that_continues(rows)
         self._add_sides(rows)
         for here in rows:
@@ -116,19 +171,21 @@ class BoundEvidence:
                     shorter_here.add(shorter)
                     if apart < STRAY_PAINT_M[1]:
                         near_here.add(shorter)
+                        wide.add(a, b)
                 if (
                     self._is_paint[a.line]
                     and self._is_paint[b.line]
                     and _TWO_STRIPES_M[0] <= apart <= _TWO_STRIPES_M[1]
                 ):
-                    first, second = sorted((a, b))
-                    side_by_side[first.line, second.line].append((first.bridged, second.bridged))
+                    pairs.add(a, b)
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed:
                     self._inside[a.line, b.line] |= {
                         c.line for c in here[i + 1 : j] if self._is_paint[c.line]
                     }
+            pairs.next_station()
+            wide.next_station()
             in_strip.update(shorter_here)
             beside.update(near_here)
         # For most of its length: where roads part, lines run together for a short while
@@ -136,22 +193,29 @@ class BoundEvidence:
         self.strays |= {
             line for line, n in beside.items() if self._is_unknown[line] and self._is_most_of(line, n)
         }
+        older = self._older_paint(pairs)
+        self.strays |= older
+        doubtful = [(pairs, pair) for pair in pairs.bridged if self._are_generations(*pair, pairs)]
+        doubtful += [(wide, pair) for pair in wide.bridged if wide.are_shifted]
+        for of, both in doubtful:
+            shorter = min(both, key=lambda i: self._size[i])
+            if self._is_most_of(shorter, len(of.bridged[both])) and not older & set(both):
+                for line in both:
+                    self.unsettled_m[line] = max(self.unsettled_m.get(line, 0.0), of.apart_m(*both))
 
-        self.strays |= self._older_paint(side_by_side)
+    def _are_generations(self, a: int, b: int, pairs: _Pairs) -> bool:
+        """Return whether two lines beside each other are no double line: there are more pairs, or it is an edge line."""
+        return pairs.are_many or bool(self._is_edge[a] or self._is_edge[b])
 
-    def _older_paint(self, side_by_side: dict[tuple[int, int], list[tuple[bool, bool]]]) -> set[int]:
+    def _older_paint(self, pairs: _Pairs) -> set[int]:
         """Return the lines 0.15 to 0.5 m beside one that is less worn: older paint, where new was put beside it.
 
-        The stripes of a double line are worn alike, as the same traffic wears them. What a car or a hole in the data hides
-        of one stripe is in one or two places; worn paint is patchy.
-
-        Parameters
-        ----------
-        side_by_side
-            Whether each of two lines is bridged, station by station.
+        What a car or a hole in the data hides of one stripe is in one or two places; worn paint is patchy.
         """
         found: set[int] = set()
-        for (a, b), flags in side_by_side.items():
+        for (a, b), flags in pairs.bridged.items():
+            if not self._are_generations(a, b, pairs):
+                continue
             share = np.mean(flags, axis=0)
             older = a if share[0] > share[1] else b
             n_patches = len(flags) * STATION_M / _PATCH_M
@@ -227,6 +291,11 @@ class BoundEvidence:
 
     def has(self, pair: tuple[int, int]) -> bool:
         """Return whether two neighbouring lines bound no lane."""
+        if any(self._is_unlikely[line] for line in pair):
+            return True
+        # Where a lane may as well be half a metre elsewhere, its lines say nothing
+        if any(self.unsettled_m.get(line, 0.0) > _TWO_STRIPES_M[1] for line in pair):
+            return True
         paint = [line for line in pair if self._is_paint[line]]
         if any(self._is_short(line) for line in paint) or self._inside.get(pair, set()) - self.strays:
             return True

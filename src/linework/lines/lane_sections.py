@@ -37,6 +37,8 @@ _TAPER = 0.1
 _CONVERGING, _TAPER_REACH_M = 0.01, 5.0
 #: Largest crossfall, that of the steepest superelevation in design guides (AASHTO: 12 %). Steeper is no one surface.
 _STEEPEST = 0.12
+#: So many standard deviations of a width are less than half the range of widths of lanes: by chance once in 370.
+_WIDTH_SIGMAS = 3.0
 #: Lines that turn more than 25 degrees from the road do not bound a lane.
 _ALONG_COSINE = 0.9
 
@@ -82,13 +84,15 @@ class LaneRoad:
     """A road without a break: a reference curve, its stations, and sections one after the other.
 
     `without_edge_line` are the pairs of bounds, right one first, of which one is the end of the carriageway although the
-    paint has an edge line on its other side: there may be one that was not found.
+    paint has an edge line on its other side: there may be one that was not found. `unsettled_m` has the lines beside which
+    paint of another generation lies, and how far: which of both counts is not known. [m]
     """
 
     curve: ReferenceCurve
     station_m: FloatArray
     sections: tuple[LaneSection, ...]
     without_edge_line: frozenset[tuple[int, int]]
+    unsettled_m: Mapping[int, float]
 
 
 def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> list[LaneRoad]:
@@ -122,13 +126,14 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
         for first, last in runs_of(np.array([p is not None for p in profiles])):
             if station_m[last] - station_m[first] >= _SHORTEST_M:
                 known = [p for p in profiles[first : last + 1] if p is not None]
-                sections = _sections(_settled(known, first, barred, wedges), first, i)
+                sections = _sections(_settled(known, first, barred, wedges, widths_m), first, i)
                 roads.append(
                     LaneRoad(
                         curve,
                         station_m,
                         sections,
                         barred.without_edge_line(section.bounds for section in sections),
+                        dict(barred.unsettled_m),
                     )
                 )
                 for profile in known:
@@ -233,9 +238,19 @@ def _profile(
 
 
 def _is_lane(right: Bound, left: Bound, widths_m: tuple[float, float]) -> bool:
-    """Return whether the space between two bounds may be a lane, by its width and its crossfall."""
+    """Return whether the space between two bounds may be a lane, by its width and its crossfall.
+
+    Where the width may as well be that of no lane, it says nothing.
+    """
     width = left.offset_m - right.offset_m
-    return widths_m[0] <= width < widths_m[1] and abs(left.up_m - right.up_m) <= _STEEPEST * width
+    sigma_right, sigma_left = (0.0 if b.bridged else b.sigma_m for b in (right, left))
+    sigma = float(np.hypot(sigma_right, sigma_left))
+    is_vague = _WIDTH_SIGMAS * sigma > 0.5 * (widths_m[1] - widths_m[0])
+    return (
+        widths_m[0] <= width < widths_m[1]
+        and abs(left.up_m - right.up_m) <= _STEEPEST * width
+        and not is_vague
+    )
 
 
 def _settled(
@@ -243,11 +258,12 @@ def _settled(
     first_station: int,
     barred: BoundEvidence,
     wedges: Mapping[tuple[int, int], set[int]],
+    widths_m: tuple[float, float],
 ) -> list[_Profile]:
     """Return profiles without the lanes that more than one station speaks against.
 
-    These widen too fast, are a wedge in which two lines run together, are between lines that bound none, or are too
-    short.
+    These widen too fast, are a wedge in which two lines run together, are between lines that bound none, are no lane if
+    it is the older paint beside a bound that counts, or are too short.
     """
     spaces: dict[tuple[int, int], list[_Space]] = defaultdict(list)
     for k, p in enumerate(profiles):
@@ -259,7 +275,16 @@ def _settled(
         if barred.has(pair):
             continue
         wedge = wedges.get(pair, set())
-        is_lane = np.array([place.is_lane and first_station + place.station not in wedge for place in places])
+        # Either width has to be that of a lane
+        aside_m = max(barred.unsettled_m.get(line, 0.0) for line in pair)
+        is_lane = np.array(
+            [
+                place.is_lane
+                and first_station + place.station not in wedge
+                and widths_m[0] + aside_m <= place.width_m < widths_m[1] - aside_m
+                for place in places
+            ]
+        )
         for first, last in runs_of(is_lane):
             run = places[first : last + 1]
             cuts = [

@@ -23,6 +23,8 @@ _MEETING_SIGMAS = 3.0
 #: are 0.25 to 0.5 m wide (German RAL 2012). Whether there is one is even odds: as a deviation it is 0.3 m times the root of a
 #: half, and as much less sure is where the lane ends. [m, factor]
 _UNFOUND_EDGE_SIGMA_M, _UNFOUND_EDGE_CONFIDENCE = 0.21, 0.5
+#: So of two lines beside each other, of which one is older paint: each of them may be the bound.
+_UNSETTLED_SIGMA, _UNSETTLED_CONFIDENCE = 0.71, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +36,12 @@ class Lanes:
     centre
         Their centrelines, of the kind "lane", every metre; heights are the mean of both bounds. Their ids follow from
         the place, their confidences are those of both bounds and the share that was measured, half of it where a lane
-        ends at the edge of a carriageway whose other side has an edge line.
+        ends at the edge of a carriageway whose other side has an edge line, or at a line with older paint beside it.
     left_id, right_id
         (m,) str: ids of the lines to the left and right of the centreline's direction.
     width_m, width_min_m, width_max_m, sigma_width_m
         (m,) mean, least and largest width of the stations, and standard deviation of the mean; it
-        includes an edge line that may be there and was not found. [m]
+        includes an edge line that may be there and was not found, and older paint that may be newer. [m]
     measured_share
         (m,) share of the stations at which both bounds were measured.
     next_id
@@ -78,6 +80,12 @@ class _Piece(NamedTuple):
     @property
     def may_lack_edge_line(self) -> bool:
         return self.bounds in self.road.without_edge_line
+
+    @property
+    def unsettled_m(self) -> float:
+        """Distance of the bounds from what may bound the lane in their place, both together [m]."""
+        right, left = (self.road.unsettled_m.get(line, 0.0) for line in self.bounds)
+        return float(np.hypot(right, left))
 
 
 def find_lanes(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> Lanes:
@@ -133,6 +141,8 @@ def _lanes(lines: LineSet, pieces: Sequence[_Piece]) -> Lanes:
     right_xyz, left_xyz = (np.concatenate(x) if x else np.zeros((0, 3)) for x in (rights, lefts))
     sure = lines.confidence[numbers[:, 0]] * lines.confidence[numbers[:, 1]] * (0.5 + 0.5 * share)
     sure = np.where(is_vague, _UNFOUND_EDGE_CONFIDENCE * sure, sure)
+    unsettled_m = np.array([piece.unsettled_m for piece in pieces], dtype=np.float64)
+    sure = np.where(unsettled_m > 0.0, _UNSETTLED_CONFIDENCE * sure, sure)
     centre = LineSet.from_lines(
         [(a + b) / 2 for a, b in zip(rights, lefts, strict=True)], crs=lines.crs, kind=["lane"] * len(pieces),
         confidence=np.round(sure, 4), width_m=table[:, 0],
@@ -140,6 +150,7 @@ def _lanes(lines: LineSet, pieces: Sequence[_Piece]) -> Lanes:
     centre = with_ids(centre, ())
     mean, least, most, sigma_width = table.T
     sigma_width = np.where(is_vague, np.hypot(sigma_width, _UNFOUND_EDGE_SIGMA_M), sigma_width)
+    sigma_width = np.hypot(sigma_width, _UNSETTLED_SIGMA * unsettled_m)
     return Lanes(
         centre, left_id=lines.id[numbers[:, 1]], right_id=lines.id[numbers[:, 0]], width_m=mean, width_min_m=least,
         width_max_m=most, sigma_width_m=sigma_width, measured_share=share,

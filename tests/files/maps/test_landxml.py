@@ -91,7 +91,10 @@ DESIGN = """<?xml version="1.0"?>
 def test_a_design_in_feet_with_arcs_is_read(tmp_path):
     path = tmp_path / "design.xml"
     path.write_text(DESIGN)
-    with pytest.warns(LineworkWarning, match="left out plan feature CL: a Spiral is not read and 1 other"):
+    with pytest.warns(
+        LineworkWarning,
+        match="left out plan feature CL: its Spiral ends 0.10 m from where it should and 1 other",
+    ):
         lines = read_lines(path, crs="EPSG:25832")
     assert lines.kind.tolist() == ["Site 1", "breakline"]
     assert lines.id.tolist() == ["EP-1", ""]

@@ -214,3 +214,10 @@ def test_a_fence_ends_where_its_windows_end_and_bridges_one_window_length():
 def test_a_rail_goes_on_to_its_ends_that_dip():
     ((form, start, stop, _),) = stretches("---ttttttttt---")
     assert (form, start, stop) == ("thrie_beam", 0.0, 30.0)
+
+
+def test_thin_layers_far_apart_are_nothing():
+    """Single rows of cells 5 cm apart, as stalks and leaves give: no band is as high as two cells."""
+    counts = np.zeros_like(section([plane(-0.2, 0.0)]))
+    counts[100:300:5, counts.shape[1] // 2] = 20.0
+    assert form_of_section(counts, TOP_M) == NOTHING

@@ -1,6 +1,6 @@
-"""Circular arcs of drawings and designs as vertices.
+"""Circular arcs and clothoids of drawings and designs as vertices.
 
-Separate from `landxml`, whose reader uses it: arcs are geometry, the rest there is a format.
+Separate from `landxml`, whose reader uses it: curves are geometry, the rest there is a format.
 """
 
 from __future__ import annotations
@@ -46,3 +46,41 @@ def arc_vertices(start: FloatArray, end: FloatArray, centre: FloatArray, *, is_l
     found = np.column_stack([plan, start[2] * (1 - share) + end[2] * share])
     found[0], found[-1] = start, end
     return found
+
+
+#: Nodes of the quadrature per piece between vertices: a clothoid turns little between them.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+#: Vertices of a clothoid are this far apart at most. [m]
+_STEP_M = 1.0
+
+
+def clothoid_vertices(
+    start: FloatArray, ahead: FloatArray, length_m: float, curvature: tuple[float, float]
+) -> FloatArray:
+    """Return the vertices of a clothoid in plan, (n, 2) [m], its ends included.
+
+    Parameters
+    ----------
+    start, ahead
+        (2,) east, north of its start [m], and the direction in which it leaves.
+    length_m
+        Its length. [m]
+    curvature
+        At its start and end, positive to the left. [1/m]
+
+    Examples
+    --------
+    A clothoid of constant curvature is an arc:
+
+    >>> quarter = clothoid_vertices(np.zeros(2), np.array([1.0, 0.0]), 5.0 * math.pi, (0.1, 0.1))
+    >>> quarter[-1].round(9).tolist()
+    [10.0, 10.0]
+    """
+    n = min(max(math.ceil(length_m / _STEP_M), 1), _MOST_VERTICES)
+    ends = np.linspace(0.0, length_m, n + 1)
+    step = length_m / n
+    inner = ends[:-1, None] + step * (_NODES + 1) / 2
+    turn = curvature[0] * inner + (curvature[1] - curvature[0]) * inner**2 / (2 * length_m)
+    angle = math.atan2(ahead[1], ahead[0]) + turn
+    moves = np.column_stack([(f(angle) * _WEIGHTS).sum(axis=1) * step / 2 for f in (np.cos, np.sin)])
+    return np.asarray(start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)]))

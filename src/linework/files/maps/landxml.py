@@ -18,9 +18,9 @@ import shapely
 
 import linework
 from linework.arrays import FloatArray
-from linework.crs import LOCAL, describe_crs, epsg_text, stated_crs
+from linework.crs import LOCAL, describe_crs, epsg_text, metric_twin, stated_crs, unit_factors
 from linework.errors import InputError, MachineError
-from linework.files.maps.arcs import arc_vertices
+from linework.files.maps.arcs import arc_vertices, clothoid_vertices
 from linework.files.maps.xml_text import (
     children,
     descendants,
@@ -45,6 +45,14 @@ _UNITS_M = {
     "meter": 1.0, "millimeter": 0.001, "centimeter": 0.01, "kilometer": 1000.0, "foot": 0.3048,
     "USSurveyFoot": 1200 / 3937, "inch": 0.0254, "mile": 1609.344,
 }  # fmt: skip
+#: Longer curves are damaged.
+_MAX_M = 1e8
+#: Units that differ by less are one: both feet do by 2e-6.
+_SAME_UNIT = 1e-5
+_EXACT_UNIT = 1e-9
+#: A clothoid ends where the file says to within this, as coordinates and lengths are often rounded to the millimetre or
+#: the centimetre [m]: else its parameters are not understood.
+_CLOTHOID_END_M = 0.02
 _OURS = "linework"
 
 
@@ -55,9 +63,7 @@ def write_landxml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None
         file.write(
             f'<?xml version="1.0" encoding="UTF-8"?>\n<LandXML xmlns="{_NAMESPACE}" version="1.2" {_DATE} '
             'readOnly="false" language="English">\n'
-            '<Units><Metric areaUnit="squareMeter" linearUnit="meter" volumeUnit="cubicMeter" '
-            'temperatureUnit="celsius" pressureUnit="milliBars" angularUnit="decimal degrees" '
-            'directionUnit="decimal degrees"/></Units>\n'
+            f"{_units_element(lines.crs)}"
             f"{_crs_element(lines.crs)}"
             f'<Application name="{_OURS}" version={xml_quoted(linework.__version__)}/>\n'
         )
@@ -87,6 +93,22 @@ def write_landxml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None
                 )
             file.write("</CgPoints>\n")
         file.write("</LandXML>\n")
+
+
+def _units_element(crs: str) -> str:
+    """Return the units of the coordinates, which are those of the CRS."""
+    own_m = unit_factors(crs)[0]
+    angles = 'angularUnit="decimal degrees" directionUnit="decimal degrees"'
+    for name in ("USSurveyFoot", "foot"):
+        if abs(own_m / _UNITS_M[name] - 1.0) < _EXACT_UNIT:
+            return (
+                f'<Units><Imperial areaUnit="squareFoot" linearUnit="{name}" volumeUnit="cubicFeet" '
+                f'temperatureUnit="fahrenheit" pressureUnit="inchHG" {angles}/></Units>\n'
+            )
+    return (
+        '<Units><Metric areaUnit="squareMeter" linearUnit="meter" volumeUnit="cubicMeter" '
+        f'temperatureUnit="celsius" pressureUnit="milliBars" {angles}/></Units>\n'
+    )
 
 
 def _crs_element(crs: str) -> str:
@@ -142,10 +164,11 @@ class _Feature(NamedTuple):
 def read_landxml(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the plan features of a LandXML file, and the breaklines of a file of others.
+    """Read the plan features of a LandXML file, and the breaklines and alignments of a file of others.
 
-    The kind of a line is the property `kind_field`; else the name of its group of plan features, or "breakline". Lines
-    and arcs are read; what has a spiral is added to `left_out`.
+    The kind of a line is the property `kind_field`; else the name of its group of plan features, "breakline" or
+    "alignment". Lines, arcs and clothoids are read; what has another transition is added to `left_out`. Coordinates and
+    CRS stay in feet where both are; else they are in metres.
 
     Raises
     ------
@@ -159,17 +182,18 @@ def read_landxml(
     is_own = any(e.get("name") == _OURS for e in children(root, "Application"))
     points = _named_points(root)
     read = [
-        *_plan_features(root, points, left_out, is_own=is_own),
+        *_plan_features(root, points, left_out, unit_m, is_own=is_own),
         *([] if is_own else _breaklines(root, left_out)),
+        *([] if is_own else _alignments(root, points, left_out, unit_m)),
     ]
     if is_own:
         read.sort(key=lambda feature: _order(feature.texts))
+    own_crs, factor = _in_units(_crs_of(root, crs, path), unit_m)
     shapes = np.array(
-        [*(shapely.linestrings(f.xyz if unit_m == 1.0 else f.xyz * unit_m) for f in read), None], dtype=object
+        [*(shapely.linestrings(f.xyz if factor == 1.0 else f.xyz * factor) for f in read), None], dtype=object
     )[:-1]
     table: dict[str, Any] = text_table(f.texts for f in read)
     kind = [f.texts.get(kind_field, f.texts["group"]) for f in read]
-    own_crs = _crs_of(root, crs, path)
     return foreign_lines(shapes, kind, table, kinds, own_crs, path, left_out, [f.name for f in read])
 
 
@@ -204,6 +228,19 @@ def _crs_of(root: Element, given: str | None, path: Path) -> str:
     return given or LOCAL
 
 
+def _in_units(crs: str, unit_m: float) -> tuple[str, float]:
+    """Return the CRS of the lines, and what coordinates of the file are multiplied by.
+
+    A CRS in the units of the file keeps them: feet and US survey feet, which programs mix up, differ by 2 millionths.
+    """
+    if crs == LOCAL:
+        return crs, unit_m
+    own_m = unit_factors(crs)[0]
+    if abs(own_m / unit_m - 1.0) < _SAME_UNIT:
+        return crs, 1.0
+    return (crs if own_m == 1.0 else metric_twin(crs)), unit_m
+
+
 def _named_points(root: Element) -> dict[str, FloatArray]:
     """Return the points that others refer to (`pntRef`), by name."""
     found = {}
@@ -229,7 +266,7 @@ def _positions(text: str | None, sizes: Sequence[int]) -> FloatArray | None:
 
 
 def _plan_features(
-    root: Element, points: Mapping[str, FloatArray], left_out: list[str], *, is_own: bool
+    root: Element, points: Mapping[str, FloatArray], left_out: list[str], unit_m: float, *, is_own: bool
 ) -> list[_Feature]:
     found = []
     for group in descendants(root, "PlanFeatures"):
@@ -241,7 +278,7 @@ def _plan_features(
             for entry in descendants(feature, "Property"):
                 texts[entry.get("label") or ""] = entry.get("value") or ""
             geometry = [piece for outer in children(feature, "CoordGeom") for piece in outer]
-            xyz = _chained(geometry, points)
+            xyz = _chained(geometry, points, unit_m)
             if isinstance(xyz, str):
                 left_out.append(f"{name}: {xyz}")
             elif len(xyz) > 1:
@@ -249,13 +286,13 @@ def _plan_features(
     return found
 
 
-def _chained(pieces: Sequence[Element], points: Mapping[str, FloatArray]) -> FloatArray | str:
+def _chained(pieces: Sequence[Element], points: Mapping[str, FloatArray], unit_m: float) -> FloatArray | str:
     """Return the vertices of the pieces of a line one after the other, or what cannot be read."""
     vertices = np.zeros((0, 3))
     for piece in pieces:
         name = plain_tag(piece)
-        if name not in ("Line", "IrregularLine", "Curve"):
-            if name in ("Spiral", "Chain"):
+        if name not in ("Line", "IrregularLine", "Curve", "Spiral"):
+            if name == "Chain":
                 return f"a {name} is not read"
             continue
         listed = [
@@ -264,9 +301,11 @@ def _chained(pieces: Sequence[Element], points: Mapping[str, FloatArray]) -> Flo
         ]
         ends = {
             plain_tag(e): points.get(e.get("pntRef", "")) if e.get("pntRef") else _positions(e.text, (2, 3))
-            for e in children(piece, "Start", "Center", "End")
+            for e in children(piece, "Start", "Center", "PI", "End")
         }
-        own = listed[0] if listed else _joined(name, piece, ends)
+        own = listed[0] if listed else _joined(name, piece, ends, unit_m)
+        if isinstance(own, str):
+            return own
         if own is None:
             return f"its {name} has no places that can be read"
         # A piece begins where the one before it ends
@@ -275,13 +314,61 @@ def _chained(pieces: Sequence[Element], points: Mapping[str, FloatArray]) -> Flo
     return vertices
 
 
-def _joined(name: str, piece: Element, ends: Mapping[str, FloatArray | None]) -> FloatArray | None:
-    start, end, centre = ends.get("Start"), ends.get("End"), ends.get("Center")
-    if start is None or end is None or (name == "Curve" and centre is None):
+def _joined(
+    name: str, piece: Element, ends: Mapping[str, FloatArray | None], unit_m: float
+) -> FloatArray | str | None:
+    """Return the vertices of a piece, what cannot be read, or None where places are missing."""
+    start, end = ends.get("Start"), ends.get("End")
+    other = ends.get({"Curve": "Center", "Spiral": "PI"}.get(name, "Start"))
+    if start is None or end is None or other is None:
         return None
-    if name == "Curve" and centre is not None:
-        return arc_vertices(start[0], end[0], centre[0], is_left=piece.get("rot") == "ccw")
+    if name == "Curve":
+        return arc_vertices(start[0], end[0], other[0], is_left=piece.get("rot") == "ccw")
+    if name == "Spiral":
+        return _clothoid(piece, start[0], end[0], other[0], unit_m)
     return np.concatenate([start, end])
+
+
+def _clothoid(
+    piece: Element, start: FloatArray, end: FloatArray, corner: FloatArray, unit_m: float
+) -> FloatArray | str:
+    """Return the vertices of a clothoid between its ends, whose tangents meet at a corner; heights are even."""
+    kind = piece.get("spiType") or "clothoid"
+    if kind != "clothoid":
+        return f"a Spiral of the type {kind[:20]} is not read"
+    try:
+        length = float(piece.get("length", "nan"))
+        radii = [float(piece.get(key, "nan")) for key in ("radiusStart", "radiusEnd")]
+    except ValueError:
+        return "its Spiral has a length or radii that are no numbers"
+    if not 0.0 < length < _MAX_M or any(not abs(radius) > 0.0 for radius in radii):
+        return "its Spiral has a length or radii that are no numbers"
+    sign = 1.0 if piece.get("rot") == "ccw" else -1.0
+    bends = (sign / radii[0], sign / radii[1])
+    plan = clothoid_vertices(start, corner[:2] - start[:2], length, bends)
+    miss = end[:2] - plan[-1]
+    if not np.hypot(*miss) * unit_m <= _CLOTHOID_END_M:
+        return f"its Spiral ends {np.hypot(*miss) * unit_m:.2f} m from where it should"
+    share = np.linspace(0.0, 1.0, len(plan))[:, None]
+    found = np.column_stack([plan + share * miss, (start[2] + share * (end[2] - start[2]))[:, 0]])
+    found[0], found[-1] = start, end
+    return found
+
+
+def _alignments(
+    root: Element, points: Mapping[str, FloatArray], left_out: list[str], unit_m: float
+) -> list[_Feature]:
+    """Return the alignments of designs in plan, with heights where the ends of their pieces have some."""
+    found = []
+    for i, alignment in enumerate(descendants(root, "Alignment")):
+        name = f"alignment {(alignment.get('name') or str(i + 1))[:40]}"
+        geometry = [piece for outer in children(alignment, "CoordGeom") for piece in outer]
+        xyz = _chained(geometry, points, unit_m)
+        if isinstance(xyz, str):
+            left_out.append(f"{name}: {xyz}")
+        elif len(xyz) > 1:
+            found.append(_Feature(name, xyz, {"group": "alignment", "id": alignment.get("name") or ""}))
+    return found
 
 
 def _breaklines(root: Element, left_out: list[str]) -> list[_Feature]:

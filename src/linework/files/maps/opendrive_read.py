@@ -1,4 +1,4 @@
-"""Read lines from OpenDRIVE: borders of lanes with a road mark, and objects with a skeleton.
+"""Read lines from OpenDRIVE: borders of lanes with a road mark, and long objects.
 
 Separate from `opendrive`, which writes: reading takes all geometries that the standard has, writing one.
 """
@@ -6,6 +6,7 @@ Separate from `opendrive`, which writes: reading takes all geometries that the s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -34,6 +35,8 @@ _SAME_PLACE_M = 1e-3
 _OWN = "linework:"
 _KINDS = {"curb": "road_boundary", "edge": "road_boundary"}
 _PATTERNS = {"solid": "solid", "broken": "dashed"}
+#: Barriers by their subtype, in our words.
+_BARRIERS = {"guardRail": "guardrail", "jerseyBarrier": "barrier"}
 
 
 class _Cubic(NamedTuple):
@@ -97,7 +100,7 @@ def _polynomial(pieces: Sequence[tuple[float, FloatArray]], t: float) -> float:
 def read_opendrive(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the borders of lanes that have a road mark, and the objects that have a skeleton.
+    """Read the borders of lanes that have a road mark, and the long objects: skeletons, rails that are repeated.
 
     The kind is ours where the file has it; else that of the road mark, and of objects their type. Roads that cannot be
     evaluated are added to `left_out`.
@@ -205,32 +208,49 @@ def _lines_of_road(element: Element) -> list[tuple[dict[str, str], FloatArray]]:
     if np.min(np.diff(starts), initial=0.0) < -_SAME_PLACE_M or starts[0] < -_SAME_PLACE_M:
         raise ValueError("sections of lanes that do not follow each other within its length")
     found: list[tuple[dict[str, str], FloatArray]] = []
+    #: The last line of each border so far, by its name or number.
     open_lines: dict[str, int] = {}
     for section, begin, end in zip(sections, starts[:-1], starts[1:], strict=True):
         still: dict[str, int] = {}
         last = end if section is sections[-1] else end - SECTION_END_M
-        for row, xyz in _borders(section, road, offset, begin, last):
-            name = row.get("id", "")
-            if name and name in open_lines:
-                i = open_lines[name]
-                found[i] = (found[i][0], np.concatenate([found[i][1], xyz]))
+        for row, number, xyz in _borders(section, road, offset, begin, last):
+            name = row.get("id", "") or f"lane {number}"
+            before = still.get(name, open_lines.get(name))
+            if before is not None and (row.get("id") or _goes_on(found[before], row, xyz)):
+                found[before] = (found[before][0], np.concatenate([found[before][1], xyz]))
+                still[name] = before
             else:
-                i = len(found)
+                still[name] = len(found)
                 found.append((row, xyz))
-            still[name] = i
         open_lines = still
     for outer in children(element, "objects"):
         for one in children(outer, "object"):
-            found += _skeletons(one, road)
+            found += _skeletons(one, road) or _repeats(one, road, length_m)
     return found
+
+
+def _goes_on(line: tuple[dict[str, str], FloatArray], row: Mapping[str, str], xyz: FloatArray) -> bool:
+    """Return whether a piece of a border continues a line: it looks the same and begins where that ends."""
+    return line[0] == row and float(np.abs(line[1][-1] - xyz[0]).max()) < _SAME_PLACE_M
+
+
+class _Mark(NamedTuple):
+    """What is painted on a border, from one distance along the road to another [m]."""
+
+    row: dict[str, str]
+    begin: float
+    end: float
 
 
 def _borders(
     section: Element, road: _Road, offset: _Cubic, begin: float, end: float
-) -> list[tuple[dict[str, str], FloatArray]]:
+) -> list[tuple[dict[str, str], int, FloatArray]]:
+    """Return the fields, the lane and the places of each stretch of a border with one road mark."""
     lanes = {int(lane.get("id", "0")): lane for side in section for lane in children(side, "lane")}
+    marks = {number: _marks(lane, begin, end, is_left=number > 0) for number, lane in lanes.items()}
     starts = {begin, end, *offset.starts[(offset.starts > begin) & (offset.starts < end)].tolist()}
     starts |= {float(s) for s in road.shape if begin < s < end}
+    starts |= {mark.begin for listed in marks.values() for mark in listed}
     at = np.array(sorted(starts | set(np.arange(begin, end, _STEP_M).tolist())))
     at = at[np.concatenate([[True], np.diff(at) > _SAME_PLACE_M])]
     border = {0: offset.at(at)}
@@ -238,17 +258,59 @@ def _borders(
         for number in range(sign, sign * (len(lanes) + 1), sign):
             if number not in lanes:
                 break
-            widths = children(lanes[number], "width")
-            if not widths:
-                raise ValueError(f"lane {number} has no width")
-            border[number] = border[number - sign] + sign * _cubic(widths, "sOffset", begin).at(at)
+            border[number] = _outer_border(lanes[number], number, border[number - sign], at, begin)
     found = []
     for number in sorted(border):
-        marks = children(lanes[number], "roadMark") if number in lanes else []
-        row = _row_of_mark(marks[0], is_left=number > 0) if marks else None
-        if row is not None:
-            t = border[number]
-            found.append((row, road.places(at, t, road.rise(at, t))))
+        t = border[number]
+        # The lane may lie above the road, as footways do
+        above = (
+            _cubic_of(children(lanes[number], "height"), "outer", begin).at(at) if number in lanes else 0 * t
+        )
+        for mark in marks.get(number, ()):
+            here = (at >= mark.begin - _SAME_PLACE_M) & (at <= mark.end + _SAME_PLACE_M)
+            if here.sum() > 1:
+                s = at[here]
+                rise = road.rise(s, t[here]) + above[here]
+                found.append((mark.row, number, road.places(s, t[here], rise)))
+    return found
+
+
+def _outer_border(
+    lane: Element, number: int, inner: FloatArray, at: FloatArray, section_m: float
+) -> FloatArray:
+    """Return the offset of the outer border of a lane from the reference line: by its width, else as it is given."""
+    widths, borders = children(lane, "width"), children(lane, "border")
+    if widths:
+        return np.asarray(inner + np.sign(number) * _cubic(widths, "sOffset", section_m).at(at))
+    if borders:
+        return _cubic(borders, "sOffset", section_m).at(at)
+    raise ValueError(f"lane {number} has no width")
+
+
+def _cubic_of(elements: Sequence[Element], name: str, shift: float) -> _Cubic:
+    """Return an attribute that holds until the next element, as pieces along the road."""
+    rows = sorted((_number(e, "sOffset") + shift, _number(e, name)) for e in elements)
+    return _Cubic(
+        np.array([s for s, _ in rows], dtype=np.float64),
+        np.array([[value, 0.0, 0.0, 0.0] for _, value in rows]).reshape(-1, 4),
+    )
+
+
+def _marks(lane: Element, begin: float, end: float, *, is_left: bool) -> list[_Mark]:
+    """Return the road marks of a lane's outer border, each as far as the next; those that look the same as one."""
+    listed = sorted(
+        ((_number(mark, "sOffset"), mark) for mark in children(lane, "roadMark")), key=lambda pair: pair[0]
+    )
+    starts = [min(begin + max(s, 0.0), end) for s, _ in listed]
+    found: list[_Mark] = []
+    for (_, mark), (first, last) in zip(listed, pairwise([*starts, end]), strict=True):
+        row = _row_of_mark(mark, is_left=is_left)
+        if row is None or last - first <= _SAME_PLACE_M:
+            continue
+        if found and found[-1].row == row and found[-1].end == first:
+            found[-1] = found[-1]._replace(end=last)
+        else:
+            found.append(_Mark(row, first, last))
     return found
 
 
@@ -279,9 +341,7 @@ def _user_data(element: Element) -> dict[str, str]:
 
 
 def _skeletons(one: Element, road: _Road) -> list[tuple[dict[str, str], FloatArray]]:
-    row = {"kind": one.get("subtype") or one.get("type") or "object", "id": one.get("id", "")} | _user_data(
-        one
-    )
+    row = _row_of_object(one)
     found = []
     for skeleton in children(one, "skeleton"):
         for line in children(skeleton, "polyline"):
@@ -290,8 +350,37 @@ def _skeletons(one: Element, road: _Road) -> list[tuple[dict[str, str], FloatArr
             ).reshape(-1, 3)
             if len(places) > 1:
                 s, t, dz = places.T
-                xyz = road.places(s, t, np.zeros(len(s)))
-                # Heights of vertices are parallel to z, above the reference line
-                xyz[:, 2] = road.elevation.at(s) + dz
-                found.append((row, xyz))
+                found.append((row, _upright_places(road, s, t, dz)))
+    return found
+
+
+def _row_of_object(one: Element) -> dict[str, str]:
+    kind = one.get("subtype") or one.get("type") or "object"
+    return {"kind": _BARRIERS.get(kind, kind), "id": one.get("id", "")} | _user_data(one)
+
+
+def _upright_places(road: _Road, s: FloatArray, t: FloatArray, up: FloatArray) -> FloatArray:
+    """Return (n, 3) places whose heights are parallel to z, above the reference line."""
+    xyz = road.places(s, t, np.zeros(len(s)))
+    xyz[:, 2] = road.elevation.at(s) + up
+    return xyz
+
+
+def _repeats(one: Element, road: _Road, length_m: float) -> list[tuple[dict[str, str], FloatArray]]:
+    """Return the upper edges of an object that is repeated without a distance: a rail, a wall, a fence."""
+    found = []
+    for repeat in children(one, "repeat"):
+        begin, length = _number(repeat, "s"), _number(repeat, "length")
+        end = min(begin + length, length_m)
+        if _number(repeat, "distance") != 0.0 or not 0.0 <= begin < end:
+            continue
+        s = np.append(np.arange(begin, end - _SAME_PLACE_M, _STEP_M), end)
+        share = (s - begin) / length
+
+        def along(name: str, other: str, repeat: Element = repeat, share: FloatArray = share) -> FloatArray:
+            first, last = (_number(repeat, f"{name}{side}", _number(one, other)) for side in ("Start", "End"))
+            return np.asarray(first + share * (last - first))
+
+        up = along("zOffset", "zOffset") + along("height", "height")
+        found.append((_row_of_object(one), _upright_places(road, s, along("t", "t"), up)))
     return found

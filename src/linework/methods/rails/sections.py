@@ -230,6 +230,9 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     if found.sum() < _LEAST_POINTS:
         return NOTHING
     edges = _bands(found.sum(axis=1), z)
+    if not edges:
+        # Points at many heights, none of which is dense: leaves and stalks
+        return NOTHING
     if edges[0][1] > min(DEPTHS_M[1], RAIL_BAND_M[1] - above_ground_m) - _GAP_CELLS * SECTION_CELL_M:
         # A wall goes on above what is looked at: what ends with that has no upper edge
         return NOTHING

@@ -1,0 +1,71 @@
+"""Lanes beside older paint and lines that are unsure: what is not known is stated, or no lane."""
+
+import numpy as np
+import pytest
+from tests.lines.test_lanes import CENTRE, EDGE, FAR, pairs, road
+
+from linework.lines.lanes import find_lanes
+
+
+def worn_left_stripe(*others):
+    """Return a road with a double line in its middle, whose left stripe is worn away every ten metres."""
+    left = ("left", "lane_marking", 0.15, "centre", "solid")
+    right = ("right", "lane_marking", -0.15, "centre", "solid")
+    lines = road(EDGE, left, right, FAR, *others)
+    worn = (lines.xyz[:, 0] % 10.0 < 3.0) & (lines.id[lines.line_of_vertex] == "left")
+    return lines.with_columns(bridged=worn)
+
+
+def test_a_worn_stripe_of_the_only_double_line_bounds_its_lane():
+    assert {frozenset(p) for p in pairs(find_lanes(worn_left_stripe()))} == {
+        frozenset({"left", "edge"}), frozenset({"right", "far"}),
+    }  # fmt: skip
+
+
+def test_where_two_lines_were_painted_anew_the_worn_ones_are_older():
+    """Beside the left edge line lies other paint too: the road was painted twice."""
+    again = ("again", "lane_marking", 3.9, "", "solid")
+    lanes = find_lanes(worn_left_stripe(again))
+    assert "left" not in {*lanes.left_id.tolist(), *lanes.right_id.tolist()}
+    # Neither of the two left edges is worn: which of them counts is not known, and stated
+    vague = lanes.sigma_width_m > 0.2
+    is_left = np.array(["edge" in pair or "again" in pair for pair in pairs(lanes)])
+    np.testing.assert_array_equal(vague, is_left)
+    assert is_left.any() and lanes.centre.confidence[is_left].max() <= 0.5
+    assert lanes.sigma_width_m[is_left] == pytest.approx(0.4 * 0.71, abs=0.01)
+
+
+def test_lines_that_were_all_shifted_bound_no_lane_with_those_they_replaced():
+    """Temporary lines 0.7 m aside, all of them whole: a lane lies between lines of one set, and which is not known."""
+    sets = [(f"{name} {shift}", "lane_marking", y + shift, role, pattern)
+            for shift in (0.0, 0.7) for name, _, y, role, pattern in (EDGE, CENTRE, FAR)]  # fmt: skip
+    assert len(find_lanes(road(*sets))) == 0
+    # Paint beside both edge lines and not beside the centre, as pale stones, is no second set
+    beside = [("a", "lane_marking", 4.2, "", "solid"), ("b", "lane_marking", -4.1, "", "solid")]
+    assert len(find_lanes(road(EDGE, CENTRE, FAR, *beside))) == 2
+
+
+@pytest.mark.parametrize(("left_m", "n"), [(3.5, 1), (4.2, 0)])
+def test_a_lane_is_one_by_either_paint_beside_each_other(left_m, n):
+    """Paint 0.45 m within an edge line: the lane is 4.2 m wide, or 4.65 m and none."""
+    edge, other = (
+        ("edge", "lane_marking", left_m, "edge", "solid"),
+        ("other", "lane_marking", -0.45, "", "solid"),
+    )
+    found = find_lanes(road(edge, ("far", "lane_marking", 0.0, "edge", "solid"), other))
+    assert sum("far" in pair for pair in pairs(found)) == n
+
+
+@pytest.mark.parametrize(("confidence", "n"), [(0.6, 2), (0.4, 1)])
+def test_what_is_less_likely_a_line_than_none_bounds_no_lane(confidence, n):
+    lines = road(EDGE, CENTRE, FAR)
+    sure = np.where(lines.id == "far", confidence, 0.9)
+    assert len(find_lanes(lines.with_columns(confidence=sure))) == n
+
+
+@pytest.mark.parametrize(("sigma_m", "n"), [(0.3, 2), (0.5, 1)])
+def test_a_width_that_may_be_none_of_a_lane_makes_none(sigma_m, n):
+    """Three deviations of a width are less than half of 2.2 m, the range of widths of lanes."""
+    lines = road(EDGE, CENTRE, FAR)
+    sigma = np.where(lines.id[lines.line_of_vertex] == "far", sigma_m, 0.01)
+    assert len(find_lanes(lines.with_columns(sigma_xy_m=sigma))) == n
