@@ -4,7 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import duckdb
@@ -12,6 +12,7 @@ import geopandas
 import numpy as np
 import pyarrow
 import pyarrow.parquet
+import pyproj
 import pytest
 import shapely
 from tests.files.vectors.test_vectors import sample
@@ -54,6 +55,12 @@ def test_a_validator_finds_it_conformant(tmp_path, lines):
     assert done.returncode == 0, done.stdout
     assert "FAIL" not in done.stdout and "core: 1" in done.stdout
     assert "covering: 6 pass, 0 fail" in done.stdout
+
+
+def test_a_crs_whose_units_have_names_of_their_own_comes_back(tmp_path):
+    named = parse_crs("EPSG:2236").replace("US survey foot", "Foot of Florida").replace("degree", "Degree")
+    write_lines(replace(sample("EPSG:2236"), crs=named), tmp_path / "lines.parquet")
+    assert pyproj.CRS.from_wkt(read_lines(tmp_path / "lines.parquet").crs) == pyproj.CRS.from_wkt(named)
 
 
 def test_rows_are_in_spatial_order_in_several_groups(tmp_path):

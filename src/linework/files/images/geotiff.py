@@ -1,4 +1,4 @@
-"""Write images as GeoTIFF."""
+"""Write images as GeoTIFF, and read the CRS of others."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from linework.crs import LOCAL, parse_crs
-from linework.errors import MachineError, UsageError, extra_needed
-from linework.files.input import plainly_named
+from linework.errors import InputError, MachineError, UsageError, extra_needed
+from linework.files.input import filled_file_bytes, plainly_named
 from linework.files.output.publish import publish
 from linework.model.grid import Image
 
@@ -92,3 +92,19 @@ def _storable(image: Image, path: Path) -> Any:
         raise UsageError(f"image has dtype {values.dtype}, expected {', '.join(_DTYPES)}", where=path,
                          advice="convert it first")  # fmt: skip
     return values
+
+
+def geotiff_crs(path: Path) -> str:
+    """Return the CRS of a GeoTIFF as WKT, `LOCAL` where it states none.
+
+    Raises
+    ------
+    InputError
+        The file is not there, or is not a GeoTIFF.
+    """
+    filled_file_bytes(path)
+    try:
+        with plainly_named(path) as source, rasterio.open(source, driver="GTiff") as dataset:
+            return LOCAL if dataset.crs is None else str(dataset.crs.to_wkt())
+    except RasterioError as error:
+        raise InputError("not a GeoTIFF", where=path, advice="write it again") from error

@@ -41,6 +41,14 @@ def convert(
             "--merge-doubles", help="Write each double line as one line (.osm and .xodr always do)."
         ),
     ] = False,
+    background: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--background",
+            metavar="FILE",
+            help="Image or points below the lines of a .qgz: .tif, .las, .laz.",
+        ),
+    ] = None,
 ) -> None:
     """Convert LINES to another vector format.
 
@@ -72,10 +80,15 @@ def convert(
             )  # fmt: skip
         from linework.files.maps.qgis_project import write_qgis_project
 
-        with reserve_output(output, overwrite=overwrite, inputs=[lines]):
-            n_layers = write_qgis_project(lines, output, overwrite=overwrite)
+        below = background or []
+        with reserve_output(output, overwrite=overwrite, inputs=[lines, *below]):
+            n_layers = write_qgis_project(lines, output, below, overwrite=overwrite)
         say(f"{n_layers} layers of {lines} in {output}")
         return
+    if background:
+        raise UsageError(
+            f"{output} holds lines only", where=argument("background"), advice="give a .qgz as the output"
+        )
     check_format(output)
     if heights not in ("crs", "ellipsoid"):
         raise UsageError(
