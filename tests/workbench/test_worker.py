@@ -11,7 +11,7 @@ from tests.workbench import worker_requests as requests
 
 from linework.errors import InputError, MachineError
 from linework.workbench.worker import conversation
-from linework.workbench.worker.conversation import SurveyWorker
+from linework.workbench.worker.conversation import SurveyWorker, start_worker_process
 from linework.workbench.worker.session import SurveyOrder
 
 
@@ -48,6 +48,29 @@ def test_requests_run_one_after_the_other():
         return await asyncio.gather(*(worker.ask(requests.add, i, 1) for i in range(20)))
 
     assert in_worker(scene) == list(range(1, 21))
+
+
+@pytest.mark.parametrize("died", [False, True])
+def test_a_process_that_was_started_before_is_used_unless_it_has_died(died):
+    process = start_worker_process()
+    if died:
+        process.kill()
+
+    async def scene():
+        worker = SurveyWorker(SurveyOrder((Path("nowhere"),)), process)
+        try:
+            assert await worker.ask(requests.add, 1, 2) == 3
+            return worker.pid
+        finally:
+            worker.kill()
+
+    assert (asyncio.run(scene()) == process.pid) is not died
+
+
+def test_a_process_that_was_never_used_ends_with_its_worker():
+    process = start_worker_process()
+    SurveyWorker(SurveyOrder((Path("nowhere"),)), process).kill()
+    assert not process.is_running
 
 
 def test_a_request_reports_and_receives():

@@ -128,8 +128,12 @@ class SurveyWorker:
         """Start the process, if none runs."""
         if self._child is not None and self._child.is_running:
             return
+        waiting, self._process = self._process, None
         self.kill()
-        child, self._process = self._process or start_worker_process(), None
+        if waiting is not None and not waiting.is_running:
+            waiting.end()
+            waiting = None
+        child = waiting or start_worker_process()
         self._child = child
         child.send_object(self._order)
         arguments = child, asyncio.get_running_loop()
