@@ -24,8 +24,7 @@ def test_a_worn_stripe_of_the_only_double_line_bounds_its_lane():
 
 def test_where_two_lines_were_painted_anew_the_worn_ones_are_older():
     """Beside the left edge line lies other paint too: the road was painted twice."""
-    again = ("again", "lane_marking", 3.9, "", "solid")
-    lanes = find_lanes(worn_left_stripe(again))
+    lanes = find_lanes(worn_left_stripe(AGAIN))
     assert "left" not in {*lanes.left_id.tolist(), *lanes.right_id.tolist()}
     # Neither of the two left edges is worn: which of them counts is not known, and stated
     vague = lanes.sigma_width_m > 0.2
@@ -43,6 +42,27 @@ def test_lines_that_were_all_shifted_bound_no_lane_with_those_they_replaced():
     # Paint beside both edge lines and not beside the centre, as pale stones, is no second set
     beside = [("a", "lane_marking", 4.2, "", "solid"), ("b", "lane_marking", -4.1, "", "solid")]
     assert len(find_lanes(road(EDGE, CENTRE, FAR, *beside))) == 2
+
+
+AGAIN = ("again", "lane_marking", 3.9, "", "solid")
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [worn_left_stripe(), worn_left_stripe(AGAIN), road(EDGE, CENTRE, FAR, AGAIN)],
+)
+def test_lanes_beside_other_paint_do_not_depend_on_the_order_of_lines(lines):
+    """Nor do they where neither of two lines is worn more, and either may count."""
+    lanes = find_lanes(lines)
+    rng = np.random.default_rng(7)
+    for _ in range(6):
+        other = find_lanes(lines.take(rng.permutation(len(lines))))
+        assert other.centre.id.tolist() == lanes.centre.id.tolist()
+        assert other.left_id.tolist() == lanes.left_id.tolist()
+        assert other.right_id.tolist() == lanes.right_id.tolist()
+        np.testing.assert_allclose(other.width_m, lanes.width_m, atol=1e-9)
+        np.testing.assert_allclose(other.sigma_width_m, lanes.sigma_width_m, atol=1e-9)
+        np.testing.assert_allclose(other.centre.confidence, lanes.centre.confidence, atol=1e-9)
 
 
 @pytest.mark.parametrize(("left_m", "n"), [(3.5, 1), (4.2, 0)])

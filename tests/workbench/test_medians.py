@@ -47,6 +47,15 @@ def test_pieces_of_one_rail_are_found_together_whatever_stands_on_the_other_side
     assert names(partners_among(lines, OWN, None)) == ["r1", "r2"]
 
 
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
+def test_a_second_beam_beside_the_nearest_is_no_piece_of_it(order):
+    beams = rails(OWN, bend(0, 120, 0.4), bend(0, 120, 0.85)).take(order)
+    assert names(partners_among(beams, OWN, None)) == ["r1"]
+    # Nor where it is beside another piece of the nearest; ends that were measured twice are of one rail
+    pieces = rails(bend(0, 50, 0.4), bend(48, 120, 0.5), bend(60, 120, 0.85)).take(order)
+    assert sorted(names(partners_among(pieces, OWN, None))) == ["r0", "r1"]
+
+
 @pytest.mark.parametrize(
     "other",
     [
@@ -71,6 +80,17 @@ def test_what_the_van_drove_between_is_no_median():
     assert names(partners_among(lines, OWN, bend(-50, 200, 1.6))) == []
     assert names(partners_among(lines, OWN, bend(-50, 200, -2.0))) == ["r1"]
     assert names(partners_among(lines, OWN, bend(130, 200, 1.6))) == ["r1"]
+
+
+def test_the_van_drove_between_the_positions_of_its_path():
+    """Once a second at 100 km/h positions are 28 m apart, more than this rail is long; a jump is no drive."""
+    own, lane = bend(0, 25, 0.0), bend(-50, 200, 1.6)
+    lines = rails(own, bend(0, 25, 3.2))
+    for first in range(28):
+        assert names(partners_among(lines, own, lane[first::28])) == []
+    assert names(partners_among(lines, own, lane[[5, 15, 85, 95]])) == ["r1"]
+    assert names(partners_among(lines, own, bend(-50, 200, -2.0)[22::28])) == ["r1"]
+    assert names(partners_among(lines, own, lane[:0])) == ["r1"]
 
 
 def test_the_partner_is_added_joined_with_what_is_there_or_refused():

@@ -5,12 +5,16 @@ Separate from `rails`, which finds the line at a place: this goes from one line 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, distance_along
+from linework.arrays import FloatArray, distance_along, offsets_of
 from linework.lines.along import PLACE_STEP_M, LinePlaces, places_along
 from linework.model.lines import LineSet
+from linework.surface.cells import MAX_PATH_STEP_M
 from linework.tracing.rails import CORE_M, RailPieces
 
 #: What stands on a median.
@@ -42,8 +46,8 @@ def partners_of(pieces: RailPieces, line: FloatArray, path: FloatArray | None) -
 
     Notes
     -----
-    It is the nearest that runs along the line, on either side; lines at the same distance beyond its end are of the same
-    rail.
+    It is the nearest that runs along the line, on either side; lines at the same distance before or behind it are of the
+    same rail. A second beam beside the nearest is not.
     """
     along = distance_along(line[:, :2])
     at = np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / _SEARCHED_M)), 1) + 1)
@@ -53,32 +57,59 @@ def partners_of(pieces: RailPieces, line: FloatArray, path: FloatArray | None) -
 
 def partners_among(lines: LineSet, line: FloatArray, path: FloatArray | None) -> LineSet:
     """Return of some lines those of the rail or barrier that shares a median with a line; see `partners_of`."""
-    found: list[tuple[float, int]] = []
+    found: list[_Partner] = []
     axis = places_along(LineSet.from_lines([line], kind=["guardrail"]))
-    driven = None if path is None else _beside(axis, path[:, :2])
+    driven = None if path is None else _beside(axis, _path_places(path))
     for k in np.flatnonzero(np.isin(lines.kind, MEDIAN_KINDS)).tolist():
         along_m, off_m = _beside(axis, places_along(lines.take([k])).xyz[:, :2])
         if len(off_m) < 2 or np.ptp(along_m) < LEAST_BESIDE_M:
             continue
-        apart_m = float(np.median(off_m))
+        one = _Partner(float(np.median(off_m)), float(along_m.min()), float(along_m.max()), k)
         taper = abs(float(np.polyfit(along_m, off_m, 1)[0]))
-        if not SAME_RAIL_M < abs(apart_m) <= MOST_APART_M or taper > MOST_TAPER:
+        if not SAME_RAIL_M < abs(one.apart_m) <= MOST_APART_M or taper > MOST_TAPER:
             continue
-        if driven is not None and _drove_between(driven, (along_m, apart_m)):
+        if driven is not None and _drove_between(driven, one):
             continue
-        found.append((apart_m, k))
-    if not found:
-        return lines.take([])
-    nearest_m = min((apart_m for apart_m, _ in found), key=abs)
-    own = [k for apart_m, k in found if abs(apart_m - nearest_m) <= _IN_LINE_M]
-    return lines.take(np.array(own, dtype=np.int64))
+        found.append(one)
+    return lines.take(np.array(sorted(one.number for one in _of_one_rail(found)), dtype=np.int64))
 
 
-def _drove_between(driven: tuple[FloatArray, FloatArray], beside: tuple[FloatArray, float]) -> bool:
+class _Partner(NamedTuple):
+    """A line beside another: how far to its left, from where to where along it [m], and its number."""
+
+    apart_m: float
+    start_m: float
+    end_m: float
+    number: int
+
+
+def _of_one_rail(found: Sequence[_Partner]) -> list[_Partner]:
+    """Return the nearest, and those in line with it that run beside none of the others."""
+    rail: list[_Partner] = []
+    for one in sorted(found, key=lambda one: (abs(one.apart_m), one)):
+        is_in_line = not rail or abs(one.apart_m - rail[0].apart_m) <= _IN_LINE_M
+        # Pieces of a rail may overlap where it was measured twice
+        beside_m = (min(one.end_m, other.end_m) - max(one.start_m, other.start_m) for other in rail)
+        if is_in_line and all(length_m < LEAST_BESIDE_M for length_m in beside_m):
+            rail.append(one)
+    return rail
+
+
+def _path_places(path: FloatArray) -> FloatArray:
+    """Return places (n, 2) along the van's path, also between its positions, but not over jumps."""
+    xy = path[:, :2]
+    step = np.hypot(*np.diff(xy, axis=0).T)
+    parts = np.where(step <= MAX_PATH_STEP_M, np.ceil(step / PLACE_STEP_M), 1.0).astype(np.int64).clip(min=1)
+    start = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(start)) - offsets_of(parts)[start]) / parts[start]
+    return np.concatenate([xy[start] + share[:, None] * (xy[start + 1] - xy[start]), xy[-1:]])
+
+
+def _drove_between(driven: tuple[FloatArray, FloatArray], beside: _Partner) -> bool:
     """Return whether the van drove between a line and another beside it: places along it [m], and how far to its left [m]."""
-    (at_m, left_m), (along_m, apart_m) = driven, beside
-    there = (at_m >= along_m.min()) & (at_m <= along_m.max())
-    share = left_m[there] / apart_m
+    at_m, left_m = driven
+    there = (at_m >= beside.start_m) & (at_m <= beside.end_m)
+    share = left_m[there] / beside.apart_m
     return bool(np.any((share > 0.0) & (share < 1.0)))
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from linework.crs import parse_crs, unit_factors
 from linework.files.vectors.read_write import read_lines, write_lines
+from linework.model.lines import LineSet
 
 HEAD = '<road id="1" length="60"><planView><geometry s="0" x="0" y="0" hdg="0" length="60"><line/></geometry></planView>'
 WIDTH = '<width sOffset="0" a="{}" b="0" c="0" d="0"/>'
@@ -172,3 +173,50 @@ def test_a_design_in_feet_in_a_metric_crs_is_in_metres(tmp_path):
     lines = read_lines(path)
     np.testing.assert_allclose(lines.xyz[0], [304.8, 0.0, 9.144])
     assert unit_factors(lines.crs)[0] == 1.0
+
+
+FT_US = 1200 / 3937
+
+
+@pytest.mark.parametrize(
+    ("unit", "crs", "factors", "units_m"),
+    [
+        ("USSurveyFoot", "EPSG:2225+5703", (1.0, FT_US), (FT_US, 1.0)),
+        ("USSurveyFoot", "EPSG:2225+6360", (1.0, 1.0), (FT_US, FT_US)),
+        ("USSurveyFoot", "EPSG:26941+6360", (FT_US, 1.0), (1.0, FT_US)),
+        ("meter", "EPSG:26941+6360", (1.0, 1 / FT_US), (1.0, FT_US)),
+        ("meter", "EPSG:2225+6360", (1.0, 1.0), (1.0, 1.0)),
+        ("meter", "EPSG:2225+5703", (1.0, 1.0), (1.0, 1.0)),
+    ],
+)
+def test_heights_in_another_unit_than_the_plan(tmp_path, unit, crs, factors, units_m):
+    """A file has one unit for all coordinates, a CRS one for its plan and one for its heights."""
+    path = tmp_path / "design.xml"
+    path.write_text(f"""<LandXML><Units><Metric linearUnit="{unit}"/></Units><CoordinateSystem ogcWktCode="{crs}"/><Surfaces><Surface><SourceData>
+<Breaklines><Breakline><PntList3D>200000 1000000 100 200100 1000100 101</PntList3D></Breakline></Breaklines></SourceData></Surface></Surfaces>
+</LandXML>""")
+    lines = read_lines(path)
+    plan, up = factors
+    np.testing.assert_allclose(lines.xyz[0], [1e6 * plan, 2e5 * plan, 100.0 * up], rtol=1e-12)
+    assert unit_factors(lines.crs) == pytest.approx(units_m, rel=1e-9)
+    # Written: all coordinates in the unit of the plan; read again: the same lines
+    write_lines(lines, tmp_path / "back.landxml")
+    text = (tmp_path / "back.landxml").read_text()
+    assert ('linearUnit="USSurveyFoot"' in text) == (units_m[0] != 1.0)
+    up_in_file = float(text.split("<Start>")[1].split("<")[0].split()[2])
+    assert up_in_file * units_m[0] == pytest.approx(lines.xyz[0, 2] * units_m[1], rel=1e-12)
+    back = read_lines(tmp_path / "back.landxml")
+    np.testing.assert_allclose(back.xyz, lines.xyz, rtol=1e-12)
+    assert back.crs == lines.crs
+
+
+def test_a_plan_in_links_is_written_in_metres(tmp_path):
+    """LandXML has no name for the links of Trinidad's grid."""
+    lines = LineSet.from_lines(
+        [np.array([[4e5, 3e5, 10.0], [4e5, 3.1e5, 20.0]])], kind=["kerb_top"], crs="EPSG:30200"
+    )
+    write_lines(lines, tmp_path / "a.landxml")
+    back = read_lines(tmp_path / "a.landxml")
+    own_m = unit_factors(lines.crs)[0]
+    assert own_m == pytest.approx(0.2011662) and unit_factors(back.crs) == (1.0, 1.0)
+    np.testing.assert_allclose(back.xyz, lines.xyz * own_m, rtol=1e-12)

@@ -2,12 +2,13 @@
 
 References
 ----------
-LandXML 1.2 schema. Positions are texts in the order northing, easting, elevation; lengths are metres.
+LandXML 1.2 schema. Positions are texts in the order northing, easting, elevation, all in one unit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -47,9 +48,11 @@ _UNITS_M = {
 }  # fmt: skip
 #: Longer curves are damaged.
 _MAX_M = 1e8
-#: Units that differ by less are one: both feet do by 2e-6.
+#: Units that differ by less are one: both feet do by 2e-6, 2 mm in 1000 m of height.
 _SAME_UNIT = 1e-5
 _EXACT_UNIT = 1e-9
+#: What coordinates may differ by that were converted to another unit and back, of their value.
+_CONVERTED = 1e-12
 #: A clothoid ends where the file says to within this, as coordinates and lengths are often rounded to the millimetre or
 #: the centimetre [m]: else its parameters are not understood.
 _CLOTHOID_END_M = 0.02
@@ -57,7 +60,12 @@ _OURS = "linework"
 
 
 def write_landxml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
-    """Write LandXML (called through `publish`): a group of plan features per kind."""
+    """Write LandXML (called through `publish`): a group of plan features per kind.
+
+    All coordinates are in the unit of the plan, heights too; where that is no unit of LandXML, all are in metres, and so is
+    the CRS.
+    """
+    lines = _in_one_unit(lines)
     layers, fields = layer_names(lines), field_texts(lines)
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(
@@ -95,16 +103,32 @@ def write_landxml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None
         file.write("</LandXML>\n")
 
 
-def _units_element(crs: str) -> str:
-    """Return the units of the coordinates, which are those of the CRS."""
+def _in_one_unit(lines: LineSet) -> LineSet:
+    """Return lines with all coordinates in the unit that the file states."""
+    own_m, up_m = unit_factors(lines.crs)
+    unit_m = _UNITS_M[_unit_name(lines.crs)]
+    plan, up = _ratio(own_m, unit_m), _ratio(up_m, unit_m)
+    if plan == up == 1.0:
+        return lines
+    crs = lines.crs if plan == 1.0 else metric_twin(lines.crs)
+    return replace(lines, crs=crs, xyz=lines.xyz * (plan, plan, up))
+
+
+def _unit_name(crs: str) -> str:
+    """Return the `linearUnit` of the plan; metre where LandXML has no name for it."""
     own_m = unit_factors(crs)[0]
+    feet = (name for name in ("USSurveyFoot", "foot") if abs(own_m / _UNITS_M[name] - 1.0) < _EXACT_UNIT)
+    return next(feet, "meter")
+
+
+def _units_element(crs: str) -> str:
+    name = _unit_name(crs)
     angles = 'angularUnit="decimal degrees" directionUnit="decimal degrees"'
-    for name in ("USSurveyFoot", "foot"):
-        if abs(own_m / _UNITS_M[name] - 1.0) < _EXACT_UNIT:
-            return (
-                f'<Units><Imperial areaUnit="squareFoot" linearUnit="{name}" volumeUnit="cubicFeet" '
-                f'temperatureUnit="fahrenheit" pressureUnit="inchHG" {angles}/></Units>\n'
-            )
+    if name != "meter":
+        return (
+            f'<Units><Imperial areaUnit="squareFoot" linearUnit="{name}" volumeUnit="cubicFeet" '
+            f'temperatureUnit="fahrenheit" pressureUnit="inchHG" {angles}/></Units>\n'
+        )
     return (
         '<Units><Metric areaUnit="squareMeter" linearUnit="meter" volumeUnit="cubicMeter" '
         f'temperatureUnit="celsius" pressureUnit="milliBars" {angles}/></Units>\n'
@@ -139,7 +163,7 @@ def _points_text(xyz: FloatArray) -> str:
 
 
 def verify_landxml(part: Path, lines: LineSet, path: Path) -> None:
-    """Read the file back and compare every coordinate.
+    """Read the file back and compare every coordinate, exactly unless its unit was changed.
 
     Raises
     ------
@@ -147,7 +171,13 @@ def verify_landxml(part: Path, lines: LineSet, path: Path) -> None:
         Not the lines that were written.
     """
     back = read_landxml(part, "kind", None, None, [])
-    if back.crs != lines.crs or len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
+    written, found = _in_one_unit(lines), _in_one_unit(back)
+    within = 0.0 if written is lines else _CONVERTED
+    if (
+        found.crs != written.crs
+        or not np.array_equal(found.offsets, written.offsets)
+        or not np.allclose(found.xyz, written.xyz, rtol=within, atol=0.0)
+    ):
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"
         )
@@ -168,7 +198,7 @@ def read_landxml(
 
     The kind of a line is the property `kind_field`; else the name of its group of plan features, "breakline" or
     "alignment". Lines, arcs and clothoids are read; what has another transition is added to `left_out`. Coordinates and
-    CRS stay in feet where both are; else they are in metres.
+    CRS stay in feet where both are; else they are in metres. Heights are in the unit that the CRS has for them.
 
     Raises
     ------
@@ -188,10 +218,8 @@ def read_landxml(
     ]
     if is_own:
         read.sort(key=lambda feature: _order(feature.texts))
-    own_crs, factor = _in_units(_crs_of(root, crs, path), unit_m)
-    shapes = np.array(
-        [*(shapely.linestrings(f.xyz if factor == 1.0 else f.xyz * factor) for f in read), None], dtype=object
-    )[:-1]
+    own_crs, factors = _in_units(_crs_of(root, crs, path), unit_m)
+    shapes = np.array([*(shapely.linestrings(f.xyz * factors) for f in read), None], dtype=object)[:-1]
     table: dict[str, Any] = text_table(f.texts for f in read)
     kind = [f.texts.get(kind_field, f.texts["group"]) for f in read]
     return foreign_lines(shapes, kind, table, kinds, own_crs, path, left_out, [f.name for f in read])
@@ -228,17 +256,22 @@ def _crs_of(root: Element, given: str | None, path: Path) -> str:
     return given or LOCAL
 
 
-def _in_units(crs: str, unit_m: float) -> tuple[str, float]:
-    """Return the CRS of the lines, and what coordinates of the file are multiplied by.
+def _in_units(crs: str, unit_m: float) -> tuple[str, tuple[float, float, float]]:
+    """Return the CRS of the lines, and what east, north and height of the file are multiplied by.
 
-    A CRS in the units of the file keeps them: feet and US survey feet, which programs mix up, differ by 2 millionths.
+    A CRS whose plan is in the unit of the file keeps it: feet and US survey feet, which programs mix up, differ by 2
+    millionths. A file has one unit for plan and heights, a CRS may have two.
     """
-    if crs == LOCAL:
-        return crs, unit_m
-    own_m = unit_factors(crs)[0]
-    if abs(own_m / unit_m - 1.0) < _SAME_UNIT:
-        return crs, 1.0
-    return (crs if own_m == 1.0 else metric_twin(crs)), unit_m
+    own_m, up_m = unit_factors(crs)
+    if own_m != 1.0 and _ratio(unit_m, own_m) != 1.0:
+        crs, own_m, up_m = metric_twin(crs), 1.0, 1.0
+    plan = _ratio(unit_m, own_m)
+    return crs, (plan, plan, _ratio(unit_m, up_m))
+
+
+def _ratio(unit_m: float, other_m: float) -> float:
+    """Return how many of another unit one is; 1 where they are one."""
+    return 1.0 if abs(unit_m / other_m - 1.0) < _SAME_UNIT else unit_m / other_m
 
 
 def _named_points(root: Element) -> dict[str, FloatArray]:
