@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -50,10 +52,51 @@ def test_every_wire_is_one_line_where_it_is(scene, seed):
         assert np.hypot(*(best[-1] - best[0])[:2]) == pytest.approx(250.0, abs=4.0)
 
 
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_a_conductor_seen_over_a_part_of_its_span_stays(seed):
+    drawn = airborne_wires(seed, phases=1, bow_m=0.0)
+    first = drawn.wires[0]
+    along = (first[-1] - first[0])[:2] / np.hypot(*(first[-1] - first[0])[:2])
+    from_end = drawn.xyz[:, :2] - first[0, :2]
+    s, o = from_end @ along, from_end @ np.array([-along[1], along[0]])
+    few = (o > 0.2) & (s > 45.0) & (np.random.default_rng(1).random(len(s)) > 0.06)
+    seen = replace(drawn, xyz=drawn.xyz[~few], height_m=drawn.height_m[~few])
+    whole, part = sorted(cables_of(seen), key=len, reverse=True)
+    assert off_m(whole, first) < 0.06
+    assert off_m(part, drawn.wires[1]) < 0.10
+    assert len(part) >= 40
+
+
+@pytest.mark.parametrize("radius_m", [100.0, 300.0])
+def test_what_is_bent_in_plan_but_does_not_hang_is_no_wire(radius_m):
+    rng = np.random.default_rng(9876)
+    angle = rng.uniform(-20.0, 20.0, 1200) / radius_m
+    edge = np.column_stack([radius_m * np.sin(angle), radius_m * np.cos(angle), np.full(1200, 12.0)])
+    xyz = edge + rng.normal(0.0, 0.01, edge.shape) + np.array([200_000.0, 570_000.0, 0.0])
+    assert "cable" not in find_cables(xyz, None, xyz[:, 2].astype(np.float32), CableConfig()).kind
+
+
+@pytest.mark.parametrize("bow_m", [0.0, 0.6])
+def test_sigmas_across_are_honest_at_the_ends_too(bow_m):
+    ratios = []
+    for seed in range(9891, 9897):
+        drawn = airborne_wires(seed, apart_m=(0.0,), phases=1, per_m=1.5, across_m=0.06, bow_m=bow_m)
+        found = find_cables(drawn.xyz, None, drawn.height_m, CableConfig())
+        keep = slice(*found.offsets[:2])
+        wire = drawn.wires[0]
+        fine = np.column_stack([np.interp(np.arange(0.0, 249.0, 0.01), np.arange(250.0), v) for v in wire.T])
+        away = cKDTree(fine[:, :2]).query(found.xyz[keep, :2])[0]
+        ends = np.r_[4:24, -24:-4]
+        ratios.append(away[ends] / found.sigma_xy_m[keep][ends])
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
 def test_they_do_not_depend_on_the_order_of_the_points():
     drawn = airborne_wires(9873)
     shuffled = np.random.default_rng(1).permutation(len(drawn.xyz))
-    for one, other in zip(cables_of(drawn), cables_of(drawn, shuffled), strict=True):
+    lines = cables_of(drawn)
+    assert len(lines) == 4
+    for one, other in zip(lines, cables_of(drawn, shuffled), strict=True):
         np.testing.assert_array_equal(one, other)
 
 

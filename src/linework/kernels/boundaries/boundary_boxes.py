@@ -12,7 +12,7 @@ from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
 from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
-from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, may_be_kerb
+from linework.kernels.boundaries.kerb_boxes import box_cell_at, kerb_in_cell, may_be_kerb
 from linework.kernels.boundaries.kerb_ramps import ramp_in_cell, ramp_instead
 from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, BY_ROUGHNESS
@@ -52,8 +52,20 @@ from linework.kernels.cells.surroundings import fit_surroundings
 
 #: Edges of no larger score, by brightness alone, are sought as changes of the ground too.
 UNSURE_EDGE = 0.5
+#: Noise of a floor over that of the smoothest facet around: of a hundred facets of nine points, the smoothest has half of
+#: the noise of them all.
+SMOOTHEST_SHARE = 2.0
 #: Smallest share of floor among the cells about a pavement's edge.
 LEAST_FLOOR_SHARE = 0.15
+
+
+@njit(cache=True, nogil=True)
+def limits_at(data: FloorCells, place: tuple[float, float], usual: float, limits: FloorLimits) -> FloorLimits:
+    """Return the limits at a place: at the road, a floor may be as noisy as the scanner makes its smoothest parts."""
+    if not data.near_road[box_cell_at(data.span, place[0], place[1])]:
+        return limits
+    most = max(limits.most_noise, SMOOTHEST_SHARE * usual)
+    return FloorLimits(limits.least_step, limits.steepest, limits.highest_step, most, limits.is_vertical)
 
 
 @njit(cache=True, nogil=True)
@@ -78,6 +90,7 @@ def box_in_cell(
     noise, usual = floor_near(data.facets, data.span, x, y, (east, north), plane)
     if noise < 0.0:
         return BOX_HOLE
+    limits = limits_at(data, place, usual, limits)
     if noise > roughness_limit(usual, limits.most_noise):
         return BOX_NO_ROAD
     floor = LocalFloor(plane, noise, east, north, usual)
@@ -126,6 +139,7 @@ def change_box_in_cell(
     noise, usual = floor_near(data.facets, data.span, x, y, slope, plane)
     if noise < 0.0:
         return BOX_HOLE
+    limits = limits_at(data, place, usual, limits)
     if noise > roughness_limit(usual, limits.most_noise):
         return BOX_NO_ROAD
     slopes = np.empty((4, 4))

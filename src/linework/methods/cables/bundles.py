@@ -10,14 +10,14 @@ criterion (Schwarz 1978, doi:10.1214/aos/1176344136).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.cables.band import CableBand, Widths
-from linework.methods.cables.fit import NO_POINTS, FittedWire, fit_members, main_run
+from linework.methods.cables.fit import FittedWire, fit_members, main_run
 from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_SEEN_M
 
 #: Scatter of a wire's points from which the gate cuts them off, in gates: 5 % of a normal distribution lie beyond two
@@ -27,6 +27,9 @@ CUT_OFF_GATES = 0.5
 MOST_WIRES = 4
 #: Least distance of two wires in deviations of their points: nearer ones have one mode (2), with a reserve.
 LEAST_APART_SIGMAS = 3.0
+#: Largest scatter of the points of a wire, in gates: airborne scanners have 5 to 10 cm. What scatters farther is more
+#: than one wire, or none.
+MOST_SCATTER_GATES = 1.5
 #: Half width of a wire's gate in deviations of its points, and in distances to the next wire.
 BUNDLE_GATE_SIGMAS, GATE_APART = 4.0, 0.5
 #: Share of the known length that is looked ahead, and at least so much [m].
@@ -118,8 +121,9 @@ def tell_apart(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
     is_taken = np.zeros(len(band.xyz), dtype=bool)
     while left:
         seed = left.pop(0)
-        found, explained = _bundle_about(band, seed, is_taken)
-        is_taken[explained] = True
+        found = _bundle_about(band, seed, is_taken)
+        for wire in found:
+            is_taken[wire.members] = True
         apart += found
         left = [w for w in left if is_taken[w.members].mean() < 0.5]
     return [w for w in wires if is_taken[w.members].mean() < 0.5] + apart
@@ -130,10 +134,8 @@ def _is_cut_off(wire: FittedWire) -> bool:
     return max(wire.sigma_o_m, wire.fit.sigma_m) > CUT_OFF_GATES * wire.widths.gate_m
 
 
-def _bundle_about(
-    band: CableBand, seed: FittedWire, is_taken: BoolArray
-) -> tuple[list[FittedWire], IntArray]:
-    """Return the wires within reach of a piece, and all points that they explain; none where it is unclear."""
+def _bundle_about(band: CableBand, seed: FittedWire, is_taken: BoolArray) -> list[FittedWire]:
+    """Return the wires within reach of a piece; none where it is unclear."""
     middle = seed
     about = _about(band, middle, is_taken, middle.low_m, middle.high_m)
     mixture = _best_mixture(about, seed.widths)
@@ -144,7 +146,7 @@ def _bundle_about(
         middle = longer
         about = _about(band, middle, is_taken, middle.low_m, middle.high_m)
         mixture = _best_mixture(about, seed.widths)
-    return ([], NO_POINTS) if mixture is None else _wires_of(band, mixture, about, seed.widths)
+    return [] if mixture is None else _wires_of(band, mixture, about, seed.widths)
 
 
 def _about(band: CableBand, middle: FittedWire, is_taken: BoolArray, low: float, high: float) -> PointsNearby:
@@ -179,18 +181,58 @@ def _best_mixture(about: PointsNearby, widths: Widths) -> Mixture | None:
         np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.9]), 2.0 * widths.gate_m, 2.0 * widths.gate_m,
         float(some.s[0] + some.s[-1]) / 2.0, max(float(some.s[-1] - some.s[0]) / 2.0, 1.0), -np.inf,
     )  # fmt: skip
-    one = best = _settled(some, start, widths)
+    one = _settled(some, start, widths)
     if one is None:
         return None
+    best: Mixture = one
     for n in range(2, MOST_WIRES + 1):
         for is_stacked in (False, True):
-            found = _settled(some, _spread(one, n, is_stacked), widths)
-            if found is None or found.apart_m().min() < LEAST_APART_SIGMAS * max(
-                found.sigma_o_m, found.sigma_z_m
-            ):
-                continue
-            best = max(best, found, key=lambda mixture: mixture.likelihood)
-    return best
+            best = _likelier(best, _settled(some, _spread(one, n, is_stacked), widths))
+    # Wires of unequal lengths: the one that was begun with, no wider than the gate, and one more at a time of what is left
+    narrow = replace(start, sigma_o_m=widths.gate_m, sigma_z_m=widths.gate_m)
+    next_one = _settled(some, narrow, widths, most_m=widths.gate_m)
+    while next_one is not None:
+        best = _likelier(best, next_one)
+        next_one = _with_one_more(some, next_one, widths) if len(next_one.share) < MOST_WIRES else None
+    return best if max(best.sigma_o_m, best.sigma_z_m) <= MOST_SCATTER_GATES * widths.gate_m else None
+
+
+def _likelier(best: Mixture, other: Mixture | None) -> Mixture:
+    """Return the likelier of two mixtures; one whose wires are too near each other is none."""
+    if other is None:
+        return best
+    scatter = max(other.sigma_o_m, other.sigma_z_m)
+    if other.apart_m().min() < LEAST_APART_SIGMAS * scatter or other.likelihood <= best.likelihood:
+        return best
+    return other
+
+
+def _with_one_more(about: PointsNearby, mixture: Mixture, widths: Widths) -> Mixture | None:
+    """Return the mixture with one more wire, in the middle of the points that it leaves; None: they are too few."""
+    left = np.flatnonzero(mixture.squares(about).min(axis=0) > LEAST_APART_SIGMAS**2)
+    if len(left) < 2 * _UNKNOWNS:
+        return None
+    rest = PointsNearby(about.points[left], about.s[left], about.o[left], about.dz[left])
+    middle = np.zeros((2, 1, 3))
+    middle[:, 0, 0] = np.median(rest.o), np.median(rest.dz)
+    start = replace(
+        mixture, across=middle[0], up=middle[1], share=np.array([0.9]), sigma_o_m=widths.gate_m, sigma_z_m=widths.gate_m,
+    )  # fmt: skip
+    more = _settled(rest, start, widths, most_m=widths.gate_m)
+    if more is None:
+        return None
+    share = len(left) / len(about.s)
+    return _settled(
+        about,
+        replace(
+            mixture,
+            across=np.concatenate([mixture.across, more.across]),
+            up=np.concatenate([mixture.up, more.up]),
+            share=np.concatenate([(1.0 - share) * mixture.share, share * more.share]),
+        ),
+        widths,
+        most_m=widths.gate_m,
+    )
 
 
 def _spread(one: Mixture, n: int, is_stacked: bool) -> Mixture:
@@ -214,8 +256,13 @@ def _spread(one: Mixture, n: int, is_stacked: bool) -> Mixture:
     )
 
 
-def _settled(about: PointsNearby, start: Mixture, widths: Widths) -> Mixture | None:
-    """Return the mixture after expectation and maximisation in turn; None: a wire has lost its points."""
+def _settled(
+    about: PointsNearby, start: Mixture, widths: Widths, *, most_m: float = math.inf
+) -> Mixture | None:
+    """Return the mixture after expectation and maximisation in turn; None: a wire has lost its points.
+
+    most_m: largest scatter of the points of a wire [m].
+    """
     reach_m, least = widths.crowd_m, widths.sigma_m
     _, s, o, dz = about
     u = (s - start.middle_m) / start.half_m
@@ -238,8 +285,8 @@ def _settled(about: PointsNearby, start: Mixture, widths: Widths) -> Mixture | N
             normal = (powers * w) @ powers.T + 1e-9 * np.eye(3)
             across[k], up[k] = np.linalg.solve(normal, (powers * w) @ np.stack([o, dz], axis=1)).T
         ro, rz = o - across @ powers, dz - up @ powers
-        sigma_o = max(math.sqrt(float((weight * ro**2).sum() / n_of.sum())), least)
-        sigma_z = max(math.sqrt(float((weight * rz**2).sum() / n_of.sum())), least)
+        sigma_o = min(max(math.sqrt(float((weight * ro**2).sum() / n_of.sum())), least), most_m)
+        sigma_z = min(max(math.sqrt(float((weight * rz**2).sum() / n_of.sum())), least), most_m)
         share = np.minimum(n_of / len(s), 0.999 * n_of / n_of.sum())
         if total - before < _SETTLED:
             break
@@ -247,10 +294,8 @@ def _settled(about: PointsNearby, start: Mixture, widths: Widths) -> Mixture | N
     return Mixture(across, up, share, sigma_o, sigma_z, start.middle_m, start.half_m, total - price)
 
 
-def _wires_of(
-    band: CableBand, mixture: Mixture, about: PointsNearby, widths: Widths
-) -> tuple[list[FittedWire], IntArray]:
-    """Return the wires of a mixture, each fitted to the points that are most likely its own, and all these points."""
+def _wires_of(band: CableBand, mixture: Mixture, about: PointsNearby, widths: Widths) -> list[FittedWire]:
+    """Return the wires of a mixture with points in enough of their metres, each fitted to those that are likely its own."""
     squares, (off, up) = mixture.squares(about), mixture.residuals(about)
     owner, is_explained = np.argmin(squares, axis=0), squares.min(axis=0) <= BUNDLE_GATE_SIGMAS**2
     sigma = max(mixture.sigma_o_m, mixture.sigma_z_m)
@@ -267,4 +312,4 @@ def _wires_of(
         seen = len(np.unique(np.floor(about.s[members])))
         if wire.length_m >= LEAST_SEEN_M and seen >= LEAST_OCCUPIED * wire.length_m:
             wires.append(wire)
-    return (wires, about.points[is_explained]) if wires else ([], NO_POINTS)
+    return wires

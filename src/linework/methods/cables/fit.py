@@ -25,8 +25,9 @@ NEXT_M, MOST_ROUNDS = 0.5, 30
 FITTING_METRES = 2
 #: Longest usual gap of a wire; over longer ones something hides it. [m]
 MOST_USUAL_M = 6.0
-#: Sigmas of a bow that is certain: three, and points in groups of three that err alike.
-BOW_SIGMAS = 5.0
+#: Sigmas of a bow that is certain: three, and points in groups of three that err alike; and fewest points of one: of
+#: fewer, noise alone is bent by five sigmas once in hundreds.
+BOW_SIGMAS, LEAST_BOW_POINTS = 5.0, 12
 #: Points of the wires that one by itself was fitted together with.
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 #: Factor from the cofactors of the coefficient of u^2 to those of the curvature.
@@ -178,8 +179,11 @@ def fit_members(
     x0, y0, ux, uy, sigma_o, weights = kernels.robust_line(x, y, widths.sigma_m)
     plan = PlanLine(x0, y0, ux, uy)
     s, o = plan.stations(xyz[:, :2])
-    plan, sigma_o = _bowed(plan, s, o, sigma_o, widths)
-    s, _ = plan.stations(xyz[:, :2])
+    bent, sigma = _bowed(plan, s, o, z, sigma_o, widths)
+    if bent is not plan:
+        plan, sigma_o = bent, sigma
+        s, o = plan.stations(xyz[:, :2])
+        weights = kernels.tukey(o, max(sigma_o, widths.sigma_m))
     centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
     hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
     cofactor = cofactor * _TWICE
@@ -189,17 +193,23 @@ def fit_members(
 
 
 def _bowed(
-    plan: PlanLine, s: FloatArray, o: FloatArray, sigma_o: float, widths: Widths
+    plan: PlanLine, s: FloatArray, o: FloatArray, z: FloatArray, sigma_o: float, widths: Widths
 ) -> tuple[PlanLine, float]:
     """Return the line bent to points (n,), where wind has pushed the wire aside by more than they scatter; and that [m].
 
-    A bow must be certain, too: neighbouring points err alike, so that its sigma is an underestimate.
+    A bow must be certain, too: neighbouring points err alike, so that its sigma is an underestimate. It is no larger than
+    the sag: wind swings a wire out of the vertical by less than 45 degrees, and what does not hang is not a wire.
     """
-    bend, cofactor, sigma = kernels.robust_parabola(s, o, np.ones(len(s)), widths.sigma_m)[1:4]
+    if len(s) < LEAST_BOW_POINTS:
+        return plan, sigma_o
+    one = np.ones(len(s))
+    bend, cofactor, sigma = kernels.robust_parabola(s, o, one, widths.sigma_m)[1:4]
+    sag = kernels.robust_parabola(s, z, one, widths.sigma_m)[1][2]
     middle = float(np.mean(s))
     reach = max(float(np.abs(s - middle).max()), 1e-3)
-    is_certain = abs(bend[2]) > BOW_SIGMAS * sigma * math.sqrt(max(float(cofactor[2, 2]), 0.0))
-    if not is_certain or abs(bend[2]) * reach**2 <= sigma_o:
+    spread = max(sigma, widths.sigma_m)
+    is_certain = abs(bend[2]) > BOW_SIGMAS * spread * math.sqrt(max(float(cofactor[2, 2]), 0.0))
+    if not is_certain or abs(bend[2]) > sag or abs(bend[2]) * reach**2 <= sigma_o:
         return plan, sigma_o
     # The parabola is about the mean station; the line is its tangent there
     line = plan.turned(float(bend[0] - bend[1] * middle), float(bend[1]))

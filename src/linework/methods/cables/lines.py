@@ -97,10 +97,14 @@ def _sigmas(band: CableBand, wire: FittedWire, line: FloatArray) -> tuple[FloatA
     xyz = band.xyz[wire.members]
     s, o, dz = wire.residuals(xyz)
     at = wire.plan.stations(line[:, :2])[0]
-    n = len(s)
-    middle = float(s.mean())
-    lever = 1.0 / n + (at - middle) ** 2 / max(float(((s - middle) ** 2).sum()), 1e-9)
-    sigma_o = float(np.sqrt((o**2).sum() / max(n - 2, 1)))
+    # A line in plan, or a parabola where wind has bent it
+    n_unknowns = 3 if wire.plan.bow_per_m else 2
+    scale = max(float(np.abs(s).max()), 1.0)
+    powers = np.vander(s / scale, n_unknowns, increasing=True)
+    cofactor = np.linalg.inv(powers.T @ powers + 1e-9 * np.eye(n_unknowns))
+    here = np.vander(at / scale, n_unknowns, increasing=True)
+    lever = np.einsum("ni,ij,nj->n", here, cofactor, here)
+    sigma_o = float(np.sqrt((o**2).sum() / max(len(s) - n_unknowns, 1)))
     sigma_xy = np.sqrt(lever) * sigma_o * _inflation(s, o)
     sigma_z = wire.fit.height_sigma_at(at) * _inflation(s, dz)
     return np.hypot(sigma_xy, HIDDEN_SIGMA_M), np.hypot(sigma_z, HIDDEN_SIGMA_M)

@@ -53,7 +53,7 @@ class BoundaryConfig(Settings):
     max_noise_m: float = setting(
         0.03,
         unit="m",
-        reason="the paper's 2 cm for the points of the floor, and a reserve",
+        reason="the paper's 2 cm for the points of the floor, and a reserve; at the road as much as the scanner has",
         low=0.005,
         high=0.1,
     )
