@@ -45,11 +45,13 @@ def test_lines_that_were_all_shifted_bound_no_lane_with_those_they_replaced():
 
 
 AGAIN = ("again", "lane_marking", 3.9, "", "solid")
+SHIFTED = [("edge 2", "lane_marking", 4.2, "edge", "solid"), ("centre 2", "lane_marking", 0.7, "centre", "dashed"),
+           ("far 2", "lane_marking", -2.7, "edge", "solid")]  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "lines",
-    [worn_left_stripe(), worn_left_stripe(AGAIN), road(EDGE, CENTRE, FAR, AGAIN)],
+    [worn_left_stripe(), worn_left_stripe(AGAIN), worn_left_stripe(*SHIFTED), road(EDGE, CENTRE, FAR, AGAIN)],
 )
 def test_lanes_beside_other_paint_do_not_depend_on_the_order_of_lines(lines):
     """Nor do they where neither of two lines is worn more, and either may count."""

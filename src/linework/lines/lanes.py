@@ -109,6 +109,8 @@ def find_lanes(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
     ([3.5, 3.5], ['b', 'c'], [50.0, 50.0])
     """
     named = with_ids(lines, ())
+    # Of equal lines the first one counts: by name, whatever their order
+    named = named.take(np.argsort(named.id.astype(str), kind="stable"))
     pieces = [piece for road in lane_roads(named, widths_m=widths_m) for piece in _pieces(road)]
     return _lanes(named, pieces)
 
