@@ -27,7 +27,7 @@ BAND_FROM_M, BAND_TO_M, BEYOND_FROM_M, BEYOND_TO_M = 0.01, 0.07, 0.12, 0.27
 #: hand on roundabout 8502, 2026-11-27, where it is 0.8 (joint 40, road 74, stripe 117 counts).
 LEAST_DARKER = 0.15
 #: Share of that difference that the road beyond the band makes up for: nearer to the level of the other side than to that
-#: of the band. Set by hand on roundabout 8502, 2026-11-27, where the road beyond is as bright as the other side.
+#: of the band. Set by hand on roundabout 8502, 2026-11-27, where it is more than all (road beyond 120 counts).
 GONE_BEYOND = 0.5
 #: Widest line: a wider band may be road [m].
 WIDEST_LINE_M = 0.45

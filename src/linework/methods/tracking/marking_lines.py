@@ -332,7 +332,7 @@ def _marking(
 
 
 def _as_other_paint(boxes: BoxSet, row: SmoothMarking, strips: BrightStrips) -> SmoothMarking:
-    """Return a row that is no line as the paint that it is: as likely as that is paint, whatever its chance as a line."""
+    """Return a refused row as the paint that was found, as likely as it is paint, whatever its chance as a line."""
     return _as_paint(boxes, row.boxes, row.line, row.paint, row.rhythm, strips)
 
 
