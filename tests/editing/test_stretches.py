@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.editing.queue.stretches import MISSING_PER_M, road_stretches
-from linework.editing.queue.suspects import EDGE_WRONG, rank_suspects
+from linework.editing.queue.suspects import EDGE_WRONG, rank_suspects, unsure_lines
 from linework.lines.along import DrivenPath
 from linework.model.lines import LineSet
 from linework.workbench.review.queue import queue_item
@@ -94,3 +94,18 @@ def test_the_queue_holds_stretches_among_what_is_worth_as_much():
     listed = [s.ids[0] if s.ids else s.type for s in found]
     assert listed.index("unsure") < listed.index("stretch") < listed.index("cable")
     assert all(queue_item(s).kind == "" for s in found if s.type == "stretch")
+
+
+def test_an_unsure_kerb_comes_after_an_edge_of_the_same_confidence():
+    way, common = DrivenPath.of(PATH), {"kind": ["road_boundary"], "confidence": [0.5]}
+    kerb, edge = (line(0, 50, 4.0, form=[form], id=[form], **common) for form in ("kerb", "edge"))
+    found = {s.form: s for s in unsure_lines(LineSet.concatenate([kerb, edge]), way)}
+    assert found["kerb"].length_m == found["edge"].length_m == pytest.approx(25.0)
+    # Of what kerbs leave uncertain 6 % was wrong
+    assert found["kerb"].gain_m == pytest.approx(0.06 * 25.0)
+    assert found["edge"].gain_m == pytest.approx(25.0)
+    bare, of_kerb, of_edge = (
+        road_stretches(lines, way, everywhere)[0].length_m for lines in (LineSet.empty(), kerb, edge)
+    )
+    assert of_kerb - bare == pytest.approx(0.06 * 25.0, abs=0.05)
+    assert of_edge - bare == pytest.approx(25.0, abs=0.8)

@@ -119,6 +119,19 @@ def test_paint_shows_by_the_noise_beside_it_whatever_the_zero_of_the_intensities
     assert not found[inside & (x > 30.0)].any()
 
 
+@pytest.mark.parametrize(("step", "zero"), [(1.0, 40.0), (1.0, 30_000.0), (257.0, 0.0)])
+def test_one_step_of_a_constant_8_bit_road_is_no_paint(step, zero):
+    xyz = ground_points(level)
+    x, y = xyz[:, 0], xyz[:, 1]
+    inside = np.abs(y - 4.0) <= 0.15
+    # Rounding alone makes one step; four are paint
+    counts = 40.0 + np.where(inside, np.where(x < 30.0, 4.0, 1.0), 0.0)
+    lines = LineSet.from_lines([along(4.0)], kind=["lane_marking"], width_m=[0.3])
+    found = classes_of(xyz, lines, intensity=(step * counts + zero).astype(np.float32))
+    assert is_all(found, PointClass.MARKING, inside & (x < 29.0))
+    assert is_all(found, PointClass.ROAD, inside & (x > 31.0))
+
+
 def test_of_a_dashed_marking_the_dashes_are_paint():
     xyz = ground_points(level)
     lines = LineSet.from_lines(

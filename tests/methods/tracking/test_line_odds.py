@@ -75,3 +75,24 @@ def test_a_row_of_few_pieces_over_bare_road_is_kept_with_the_reason():
     lines, unlikely = rows_of(boxes_on(*FEW, noise=0.005))
     assert not lines
     assert [row.why_unlikely for row in unlikely] == [BARE_ROW]
+
+
+def test_two_stripes_near_each_other_that_are_no_line_are_other_paint():
+    # 6.4 m with 2.7 m bare: too bare for a line, without a gap to cut it at
+    boxes = boxes_on(straight(2.2), straight(1.5, x=5.1), noise=0.005)
+    assert [row.why_unlikely for row in rows_of(boxes)[1]] == [BARE_ROW]
+    markings, all_lines = joined(boxes)
+    (other,) = all_lines["road_marking_other"]
+    assert len(markings) == 0
+    assert float(all_lines["road_marking_other"].length_m[0]) == pytest.approx(6.4, abs=0.3)
+    # As likely as it is paint, not as it is a line
+    assert other.confidence > 0.95
+
+
+def test_pieces_of_a_row_of_symbols_that_are_no_line_themselves_are_other_paint():
+    row = [straight(2.2, x=16.0), straight(1.5, x=21.1), straight(6.0, x=30.0), straight(4.0, x=40.0)]
+    beside = [straight(60.0, y=1.75), straight(60.0, y=-1.75)]
+    markings, all_lines = joined(boxes_on(*row, *beside, noise=0.005))
+    assert len(markings) == 2
+    # The pair at the beginning, 6.4 m, is judged a row over bare road in its turn
+    assert sorted(all_lines["road_marking_other"].length_m) == pytest.approx([4.0, 5.8, 6.4], abs=0.3)

@@ -107,5 +107,6 @@ def _in_stretches(
         count = np.bincount(here, minlength=n)
         n_lines += (count > 0) & ~goes_along[i]
         if str(lines.id[i]) not in listed:
-            wrong_m += wrong_share(str(lines.kind[i])) * expected_m[i] * count / len(places)
+            share = wrong_share(str(lines.kind[i]), str(lines.form[i]))
+            wrong_m += share * expected_m[i] * count / len(places)
     return wrong_m, n_lines

@@ -23,15 +23,19 @@ from linework.kernels.paint.stripe_search import BAND_LEFT, BAND_RIGHT
 #: Where beside the edge of a stripe a dark band shows, and where the road beyond it does: sealed joints are 0.05 to 0.12 m
 #: wide. [m]
 BAND_FROM_M, BAND_TO_M, BEYOND_FROM_M, BEYOND_TO_M = 0.01, 0.07, 0.12, 0.27
-#: A dark band is darker than the road on the other side by at least this share of the contrast of the paint.
+#: A dark band is darker than the road on the other side by at least this share of the contrast of the paint. Set by
+#: hand on roundabout 8502, 2026-11-27, where it is 0.8 (joint 40, road 74, stripe 117 counts).
 LEAST_DARKER = 0.15
-#: Share of that difference that the road beyond the band makes up for.
+#: Share of that difference that the road beyond the band makes up for: nearer to the level of the other side than to that
+#: of the band. Set by hand on roundabout 8502, 2026-11-27, where it is more than all (road beyond 120 counts).
 GONE_BEYOND = 0.5
 #: Widest line: a wider band may be road [m].
 WIDEST_LINE_M = 0.45
-#: Fewest points that show a level, and how far beyond the edge of another line its own points may lie [m].
+#: Fewest points that show a level: the mean of 5 scatters by 0.45 of one point's noise; not fitted, set by hand on
+#: roundabout 8502, 2026-11-27. And how far beyond the edge of another line its own points may lie: the spot of a beam [m].
 FEWEST_BESIDE, BESIDE_BAND_M = 5, 0.02
-#: Smallest contrast that the difference of the sides is divided by, of that of the search area's bright points.
+#: Smallest contrast that the difference of the sides is divided by, of that of the search area's bright points: set by hand
+#: on roundabout 8502, 2026-11-27; it only keeps the quotient finite where a stripe is no brighter than its sides.
 LEAST_EXCESS = 0.01
 
 

@@ -23,6 +23,11 @@ _ERROR_OF_BRIGHT, _ERROR_OF_MIDDLE = 1.709, 1.253
 #: Paint shows where either share stands out from that beside it by so many standard errors: of pieces without paint one
 #: in 370 does.
 _LEAST_T = 3.0
+#: Steps in which intensities are recorded: counts, and 8 bits stretched to 16 by either factor. [counts]
+_STEPS = (1.0, 256.0, 257.0)
+#: Standard error of a level that was rounded to such a step, in steps: values that scatter less are all rounded alike, and
+#: their number makes it no smaller.
+_ERROR_OF_STEP = 12.0**-0.5
 #: Fewest points on and beside a piece that show it. [points]
 _LEAST_POINTS = 8
 
@@ -69,6 +74,7 @@ def least_of_paint(
     # In units of the noise beside the piece, which holds whatever the zero of the intensities is
     points = np.stack([np.diff(n_road), np.diff(n_paint)])[:, known]
     error = 0.5 * (above - below)[known] * np.sqrt((1.0 / points).sum(axis=0))
+    error = np.maximum(error, _ERROR_OF_STEP * _step_of(value, piece, n)[known])
     shows = (bright - dark_bright)[known] > _LEAST_T * _ERROR_OF_BRIGHT * error
     shows |= (middle - dark)[known] > _LEAST_T * _ERROR_OF_MIDDLE * error
     shown = np.flatnonzero(known)[shows]
@@ -80,6 +86,14 @@ def _by_piece(value: FloatArray, piece: AnyArray, n: int) -> tuple[FloatArray, I
     """Return values sorted within their pieces, and where those of each of n pieces start, (n + 1,)."""
     order = np.lexsort((value, piece))
     return value[order], np.searchsorted(piece[order], np.arange(n + 1)).astype(np.int64)
+
+
+def _step_of(value: FloatArray, piece: IntArray, n: int) -> FloatArray:
+    """Return the step in which the values of each of n pieces were recorded, (n,) float64; 0 where they show none."""
+    step = np.zeros(n)
+    for size in _STEPS:
+        step[np.bincount(piece[value % size != 0.0], minlength=n) == 0] = size
+    return step
 
 
 def _share_of(value: FloatArray, start: IntArray, share: float) -> FloatArray:

@@ -41,6 +41,10 @@ def odds_of_line(
     line there are arrows and letters: a piece as long as one is one patch, whatever its length, and between two such
     lines arrows stand in rows.
 
+    Patches are taken as independent, though wear and what hides them go over several alike: long rows are judged surer
+    than they are. Each dash beyond the third adds ln(period / dash): a stripe anywhere in a period lies in a dash's
+    place by chance in dash / period of all cases. That, too, is taken as independent, of other dashes and of the patches.
+
     Parameters
     ----------
     paint, dashes

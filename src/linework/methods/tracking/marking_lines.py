@@ -116,7 +116,9 @@ def marking_lines(
         is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and found.why_unlikely != BARE_ROW)
         parts = [found] if is_whole else _without_gaps(boxes, found, visible, strips)
         for m in parts:
-            if not m.why_unlikely:
+            if m.why_unlikely == BARE_ROW:
+                other.append(_as_other_paint(boxes, m, strips))
+            elif not m.why_unlikely:
                 (lines if _is_line(m) else other).append(m)
     return lines, other
 
@@ -145,7 +147,8 @@ def without_symbols(
         if sides == 0 or chance >= LEAST_LINE_CHANCE:
             lines.append(m)
         else:
-            pieces += [p for p in _without_gaps(boxes, m, visible, strips) if not p.why_unlikely]
+            parts = _without_gaps(boxes, m, visible, strips)
+            pieces += [_as_other_paint(boxes, p, strips) for p in parts if p.why_unlikely in ("", BARE_ROW)]
             rows.append(replace(m, why_unlikely=SYMBOLS))
     return lines, pieces, rows
 
@@ -319,21 +322,38 @@ def _marking(
     strips: BrightStrips,
 ) -> SmoothMarking:
     """Return the marking through boxes (k,) on a smooth line, with its paint (j, 2) [m]."""
+    found = _as_paint(boxes, box, line, paint, rhythm, strips)
+    if not _is_line(found):
+        return found
+    # Of a line what was measured says that it is one, not what was bridged
+    chance = chance_of_line(odds_of_line(line, paint, rhythm, found.dashes, visible))
+    why = found.why_unlikely or (BARE_ROW if chance < LEAST_LINE_CHANCE else "")
+    return replace(found, confidence=found.confidence * chance, why_unlikely=why)
+
+
+def _as_other_paint(boxes: BoxSet, row: SmoothMarking, strips: BrightStrips) -> SmoothMarking:
+    """Return a refused row as the paint that was found, as likely as it is paint, whatever its chance as a line."""
+    return _as_paint(boxes, row.boxes, row.line, row.paint, row.rhythm, strips)
+
+
+def _as_paint(
+    boxes: BoxSet,
+    box: IntArray,
+    line: SmoothLine,
+    paint: FloatArray,
+    rhythm: PaintRhythm | None,
+    strips: BrightStrips,
+) -> SmoothMarking:
+    """Return what `_marking` does, as likely as it is paint: not judged whether it is one line."""
     dashes = np.zeros((0, 2)) if rhythm is None else restore_worn_dashes(dashes_of(paint, rhythm), rhythm)
     expected = dashes if len(dashes) else np.array([[paint[0, 0], paint[:, 1].max()]])
     against = strips.scores_where(line, boxes.centre[box, :2], expected)
     score, one_plane = np.concatenate([boxes.score[box], against]), chance_of_one_plane(boxes, box)
     width_m = 2.0 * float(np.median(boxes.half_v_m[box]))
-    found = SmoothMarking(
+    return SmoothMarking(
         line, box, paint, rhythm, dashes, width_m, confidence_of(score, line.sigma_xy_m) * one_plane,
         boxes.time_span(box), why_not_paint(width_m, float(np.mean(score)), one_plane),
     )  # fmt: skip
-    if not _is_line(found):
-        return found
-    # Of a line what was measured says that it is one, not what was bridged
-    chance = chance_of_line(odds_of_line(line, paint, rhythm, dashes, visible))
-    why = found.why_unlikely or (BARE_ROW if chance < LEAST_LINE_CHANCE else "")
-    return replace(found, confidence=found.confidence * chance, why_unlikely=why)
 
 
 def bridged_paint_stations(marking: SmoothMarking) -> BoolArray:
