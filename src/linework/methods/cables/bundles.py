@@ -17,7 +17,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.cables.band import CableBand, Widths
-from linework.methods.cables.fit import FittedWire, fit_members, main_run
+from linework.methods.cables.fit import NO_POINTS, FittedWire, fit_members, main_run
 from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_SEEN_M
 
 #: Scatter of a wire's points from which the gate cuts them off, in gates: 5 % of a normal distribution lie beyond two
@@ -307,9 +307,14 @@ def _wires_of(band: CableBand, mixture: Mixture, about: PointsNearby, widths: Wi
             continue
         first, last = main_run(about.s[own])
         members = own[first:last]
-        others = np.sort(about.points[(owner != k) & is_explained])
-        wire = fit_members(band, about.points[members], Widths(float(gate)), others)
+        wire = fit_members(band, about.points[members], Widths(float(gate)))
         seen = len(np.unique(np.floor(about.s[members])))
         if wire.length_m >= LEAST_SEEN_M and seen >= LEAST_OCCUPIED * wire.length_m:
             wires.append(wire)
-    return wires
+    # What was taken for a wire and is none counts as beside the others
+    return [
+        replace(
+            wire, others=np.sort(np.concatenate([NO_POINTS, *(w.members for w in wires if w is not wire)]))
+        )
+        for wire in wires
+    ]
