@@ -148,7 +148,14 @@ def test_a_killed_run_goes_on_with_the_turns_that_are_levelled(tmp_path):
     assert resumed == linework.extract(points.take(np.arange(len(points))[::-1]), kinds="road_boundary")
 
 
-def test_kerbs_are_found_that_no_sum_of_turns_shows(tmp_path):
+def kerbs_in_place_m(lines):
+    """Return the length of kerb found within 0.1 m of the kerbs of the street."""
+    kerbs = [line.xyz for line in lines if line.form == "kerb"]
+    off = [np.abs(np.abs(xyz[:, 1] - 5_800_000.0) - KERB_Y_M) for xyz in kerbs]
+    return sum(float(np.ptp(xyz[:, 0])) for xyz, far in zip(kerbs, off, strict=True) if far.max() < 0.1)
+
+
+def test_levelled_turns_show_more_of_the_kerbs_than_their_sum(tmp_path):
     points, _ = turned_street(5)
     write_las(points, tmp_path / "street.las", crs="local")
     output = tmp_path / "lines.gpkg"
@@ -169,10 +176,11 @@ def test_kerbs_are_found_that_no_sum_of_turns_shows(tmp_path):
     assert record["turns"]["left_apart_m"] < 0.012
     found = linework.read_lines(output)
     kerbs = found.take(found.form == "kerb")
-    assert kerbs.length_m.sum() > 60.0
+    assert kerbs_in_place_m(found) > 140.0
     assert np.median(np.abs(np.abs(kerbs.xyz[:, 1] - 5_800_000.0) - KERB_Y_M)) < 0.05
     assert (kerbs.sigma_z_m > 0.9 * record["turns"]["common_sigma_m"]).all()
 
     with pytest.warns(LineworkWarning, match="not taken for road"):
         recorded = linework.extract(points, kinds="road_boundary", adjust=False)
-    assert recorded.take(recorded.form == "kerb").length_m.sum() < 0.3 * kerbs.length_m.sum()
+    # Five centimetres of noise hide some of a kerb of 12 cm, not all of it
+    assert kerbs_in_place_m(recorded) < 0.75 * kerbs_in_place_m(found)
