@@ -18,7 +18,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.cables.band import CableBand, Widths
 from linework.methods.cables.fit import NO_POINTS, FittedWire, fit_members, main_run
-from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_SEEN_M
+from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_ROW_POINTS_PER_M, LEAST_SEEN_M, is_in_rows
 
 #: Scatter of a wire's points from which the gate cuts them off, in gates: 5 % of a normal distribution lie beyond two
 #: deviations.
@@ -27,6 +27,9 @@ CUT_OFF_GATES = 0.5
 MOST_WIRES = 4
 #: Least distance of two wires in deviations of their points: nearer ones have one mode (2), with a reserve.
 LEAST_APART_SIGMAS = 3.0
+#: Least distance of two wires that are lines of their own [m]: the conductors of a bundle are 0.2 m apart and more,
+#: nearer ones are twisted into one cable.
+LEAST_APART_M = 0.1
 #: Largest scatter of the points of a wire, in gates: airborne scanners have 5 to 10 cm. What scatters farther is more
 #: than one wire, or none.
 MOST_SCATTER_GATES = 1.5
@@ -100,14 +103,26 @@ class Mixture:
         off, up = self.residuals(about)
         return np.asarray((off / self.sigma_o_m) ** 2 + (up / self.sigma_z_m) ** 2)
 
-    def apart_m(self) -> FloatArray:
-        """Return the mean distance of each wire to the next one, (wires,) [m]; infinite for a single one."""
+    def distances_m(self) -> FloatArray:
+        """Return the mean distances between the wires, (wires, wires) [m]; infinite from a wire to itself."""
         u = np.linspace(-1.0, 1.0, 9)
         powers = np.stack([np.ones_like(u), u, u * u])
         place = np.stack([self.across @ powers, self.up @ powers])
         distance = np.hypot(*(place[:, :, None] - place[:, None, :])).mean(axis=-1)
         np.fill_diagonal(distance, np.inf)
-        return np.asarray(distance.min(axis=1))
+        return np.asarray(distance)
+
+    def apart_m(self) -> FloatArray:
+        """Return the mean distance of each wire to the next one, (wires,) [m]; infinite for a single one."""
+        return np.asarray(self.distances_m().min(axis=1))
+
+    def cables(self) -> IntArray:
+        """Return the number of the cable that each wire is twisted into, (wires,) int64."""
+        n = len(self.share)
+        near = (self.distances_m() < LEAST_APART_M) | np.eye(n, dtype=bool)
+        for _ in range(n):  # neighbours of neighbours
+            near = near @ near
+        return np.asarray(np.unique(np.argmax(near, axis=1), return_inverse=True)[1], dtype=np.int64)
 
 
 def tell_apart(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
@@ -115,18 +130,55 @@ def tell_apart(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
 
     All others are left as they are.
     """
-    cut_off = [w for w in wires if _is_cut_off(w)]
-    left = sorted(cut_off, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
-    apart = list[FittedWire]()
     is_taken = np.zeros(len(band.xyz), dtype=bool)
+    apart = _bundles(band, [w for w in wires if _is_cut_off(w)], is_taken)
+    return [w for w in wires if is_taken[w.members].mean() < 0.5] + apart
+
+
+def bundled_wires(band: CableBand, wires: list[FittedWire], crowded: list[FittedWire]) -> list[FittedWire]:
+    """Return the wires of bundles about lines that have others beside them (`crowded`), and those beside `wires`.
+
+    None has points of `wires`.
+    """
+    is_taken = np.zeros(len(band.xyz), dtype=bool)
+    for wire in wires:
+        is_taken[_scattered_about(band, wire)] = True
+    first = _bundles(band, [w for w in crowded if is_taken[w.members].mean() < 0.5], is_taken)
+    for wire in first:
+        is_taken[_scattered_about(band, wire)] = True
+    beside = _bundles(band, [w for w in wires + first if _has_rows_beside(band, w, is_taken)], is_taken)
+    found = np.unique(np.concatenate([NO_POINTS, *(w.members for w in wires)]))
+    return [replace(w, others=np.union1d(w.others, found)) for w in first + beside]
+
+
+def _scattered_about(band: CableBand, wire: FittedWire) -> IntArray:
+    """Return the points within four deviations of a wire, (k,) int64 in the band: its gate may be narrower."""
+    about = _about(band, wire, np.zeros(len(band.xyz), dtype=bool), wire.low_m, wire.high_m)
+    reach_m = max(BUNDLE_GATE_SIGMAS * max(wire.sigma_o_m, wire.fit.sigma_m), wire.gate_m)
+    return np.concatenate([wire.members, about.points[np.hypot(about.o, about.dz) <= reach_m]])
+
+
+def _has_rows_beside(band: CableBand, wire: FittedWire, is_taken: BoolArray) -> bool:
+    """Return whether free points beside a wire are in rows; where wires are dense, few of their points are isolated."""
+    beside = _about(band, wire, is_taken, wire.low_m, wire.high_m)
+    is_dense = len(beside.s) >= LEAST_ROW_POINTS_PER_M * wire.length_m
+    return is_dense and is_in_rows(beside.s, beside.o, beside.dz, wire.widths)
+
+
+def _bundles(band: CableBand, seeds: list[FittedWire], is_taken: BoolArray) -> list[FittedWire]:
+    """Return the wires about all pieces (`seeds`), the longest first; their points are then taken."""
+    left = sorted(seeds, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
+    apart = list[FittedWire]()
+    is_tried = np.zeros(len(band.xyz), dtype=bool)
     while left:
         seed = left.pop(0)
         found = _bundle_about(band, seed, is_taken)
+        is_tried[seed.members] = True
         for wire in found:
-            is_taken[wire.members] = True
+            is_taken[wire.members] = is_tried[wire.members] = True
         apart += found
-        left = [w for w in left if is_taken[w.members].mean() < 0.5]
-    return [w for w in wires if is_taken[w.members].mean() < 0.5] + apart
+        left = [w for w in left if is_tried[w.members].mean() < 0.5]
+    return apart
 
 
 def _is_cut_off(wire: FittedWire) -> bool:
@@ -299,15 +351,20 @@ def _wires_of(band: CableBand, mixture: Mixture, about: PointsNearby, widths: Wi
     squares, (off, up) = mixture.squares(about), mixture.residuals(about)
     owner, is_explained = np.argmin(squares, axis=0), squares.min(axis=0) <= BUNDLE_GATE_SIGMAS**2
     sigma = max(mixture.sigma_o_m, mixture.sigma_z_m)
-    gates = np.maximum(np.minimum(BUNDLE_GATE_SIGMAS * sigma, GATE_APART * mixture.apart_m()), widths.gate_m)
+    distance, cable = mixture.distances_m(), mixture.cables()
     wires = []
-    for k, gate in enumerate(gates):
-        own = np.flatnonzero((owner == k) & is_explained & (np.hypot(off[k], up[k]) <= gate))
+    for k in range(int(cable.max()) + 1):
+        mine = cable == k
+        next_m = float(distance[np.ix_(mine, ~mine)].min(initial=np.inf))
+        gate = max(min(BUNDLE_GATE_SIGMAS * sigma, GATE_APART * next_m), widths.gate_m)
+        away = np.hypot(off[owner, np.arange(len(owner))], up[owner, np.arange(len(owner))])
+        own = np.flatnonzero(mine[owner] & is_explained & (away <= gate))
         if len(own) < _UNKNOWNS:
             continue
         first, last = main_run(about.s[own])
         members = own[first:last]
-        wire = fit_members(band, about.points[members], Widths(float(gate)))
+        twisted_m = float(np.where(np.isfinite(distance), distance, 0.0)[np.ix_(mine, mine)].max())
+        wire = fit_members(band, about.points[members], Widths(gate + twisted_m / 2.0))
         seen = len(np.unique(np.floor(about.s[members])))
         if wire.length_m >= LEAST_SEEN_M and seen >= LEAST_OCCUPIED * wire.length_m:
             wires.append(wire)

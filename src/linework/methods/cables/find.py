@@ -9,11 +9,12 @@ import numpy as np
 
 from linework.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from linework.methods.cables.band import BELOW_M, COLUMN_REACH_M, CableBand, Widths, cable_band
-from linework.methods.cables.bundles import tell_apart
+from linework.methods.cables.bundles import bundled_wires, tell_apart
 from linework.methods.cables.fit import (
     FittedWire,
-    WireSurroundings,
+    among,
     fit_exact_catenary,
+    fit_members,
     fit_wire,
     settle_wire,
     split_at_kink,
@@ -25,7 +26,9 @@ from linework.methods.cables.follow import (
     MOST_RINGED,
     IsolatedPoints,
     follow_seed,
+    is_in_rows,
 )
+from linework.methods.cables.hanging import free_hanging, is_sagging
 from linework.methods.cables.lines import confidence, lines_of_wires
 from linework.methods.cables.poles import find_poles
 from linework.methods.cables.seeds import find_cable_seeds
@@ -40,39 +43,21 @@ from linework.scanlines.crossings import LEAST_CROSSINGS, crossings_in_time
 LEAST_WIRE_POINTS = 8
 #: Largest ratio of the scatter of a wire's points in height and across, where it is wide.
 ROUND_RATIO = 2.5
-#: Largest share of a short wire's metres with points of other objects within 0.6 m: a wire may pass through a crown, an
-#: edge has its wall or roof all along [1]. Length from which a wire that sags need not pass this test [m].
-MOST_CROWDED, LONG_WIRE_M = 0.6, 16.0
-#: Largest share of metres with points in the ring, where the points scatter like those of a beam.
-MOST_RINGED_THICK = 0.3
-#: Curvature of the tautest wire, a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium less [1/m].
-#: Straighter lines must be thin, with other points in at most this share of their metres (contact wires) [1].
-TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
-#: Largest turn of a wire from end to end, eight times its sag over its length: 0.5 is a slack drop line with 6 % (main
-#: lines have 1 to 3 %). Largest slope at its ends: that of a drop line from a pole to a low eave.
-MOST_TURN, STEEPEST = 0.5, 0.45
-#: Largest scatter of a taut wire, in gates: the chord of a truss is 6 cm and more.
-THIN_GATES = 0.2
-#: Length below which the sag cannot be told from noise; such pieces are kept only beside longer wires. [m]
-SHORT_WIRE_M = 8.0
 #: Largest deviation of the metres of a wire from its catenary beyond their scatter, in gates: poses of two passes differ
 #: by 5 mm, and hits wander over the width of the wire; a curve laid across a bundle deviates more.
 WAVY_GATES = 0.2
 #: And in the scatter of its points: strips of an airborne survey differ by about half of it.
 WAVY_SIGMAS = 0.5
-#: Without times, points of a single sweep lie in a plane within this [m]: the line may be the edge or the face of anything,
-#: must sag, and nothing may be near it except what it hangs on.
-ONE_SWEEP_M = 0.002
 #: Wires of a lower confidence are more likely rows of leaves and of eaves. Fitted on 2026-11-23, on simulated towns,
 #: villages and forests (seeds 13, 14, 40 to 48, five scanners): of 10 wires below it 8 are on no wire, and 2 are 0.4 to
 #: 0.6 m beside one; above it 2 of 41 are on no wire. Of two airborne corridors of power lines 1 of 83 lines is below it.
 LEAST_CONFIDENCE = 0.35
+#: Least share of the metres of a row that have points: at two a metre, 1 - exp(-2) of them, less what is hidden.
+LEAST_ROW_OCCUPIED = 0.7
 #: Least evenness of the points along a wire: points concentrated in a few metres are an object that the line passes.
 LEAST_EVEN = 0.2
 #: Quantile of the heights of a wire's points that must be in the band.
 _HEIGHT_QUANTILE = 0.9
-#: Curvature of a wire that sags, in its standard deviations.
-_SAG_SIGMAS = 3.0
 #: Distance of a kink from the ends of a piece. [m]
 _KINK_M = 3.0
 
@@ -156,11 +141,13 @@ def find_cables(
         return LineSet.empty()
     # Peaks of Radon transforms of the plan image, each followed in its vertical slice
     widths = Widths(config.gate_m)
-    wires = tell_apart(band, _found_wires(band, config, widths, finder))
+    wires, crowded = _found_wires(band, config, widths, finder)
+    wires = tell_apart(band, wires)
+    wires += _thin_ones(band, bundled_wires(band, wires, crowded), wires, config.low_m)
     # One catenary per wire and span, ends at the supports
     pieces, wires = _spans(band, wires, config)
     # Keep what is isolated, now that all wires are known, and hangs
-    wires, around = _free_hanging(band, wires, pieces, times_order=time_s is not None)
+    wires, around = free_hanging(band, wires, pieces, times_order=time_s is not None)
     # Evidence is counted by the scan lines that cross a wire
     crossings = [_crossings(band, wire, time_s, laser, scanner) for wire in wires]
     sure = [confidence(w, a, n) for w, a, n in zip(wires, around, crossings, strict=True)]
@@ -197,24 +184,36 @@ def _crossings(
 
 def _found_wires(
     band: CableBand, config: CableConfig, widths: Widths, finder: PeakFinder | None
-) -> list[FittedWire]:
-    """Return the thin pieces of wire about all seed lines, the strongest seed first."""
+) -> tuple[list[FittedWire], list[FittedWire]]:
+    """Return the thin pieces of wire about all seed lines, the strongest seed first; and those with others beside them."""
     lonely = np.flatnonzero(band.lonely)
     lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # independent of the order of the points
     xyz = np.ascontiguousarray(band.xyz[lonely])
     index, free = IsolatedPoints.of(xyz), np.ones(len(xyz), dtype=bool)
     number = np.full(len(band.xyz), -1)
     number[lonely] = np.arange(len(lonely))
-    wires: list[FittedWire] = []
+    wires, crowded = list[FittedWire](), list[FittedWire]()
     seeds = find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m, finder=finder)
     for seed in seeds:
         followed = follow_seed(index, free, seed, widths=widths, max_gap_m=config.max_gap_m)
-        pieces = [piece for points in followed for piece in _pieces(band, lonely[points], widths)]
-        for wire in [piece for piece in pieces if _is_thin(band, piece, config.low_m)]:
-            wires.append(wire)
-            mine = number[wire.members]
-            free[mine[mine >= 0]] = False
-    return wires
+        for points in followed.wires:
+            for piece in _pieces(band, lonely[points], widths):
+                if _is_thin(band, piece, config.low_m):
+                    wires.append(piece)
+                    mine = number[piece.members]
+                    free[mine[mine >= 0]] = False
+                elif _may_be_bundle(band, piece):
+                    crowded.append(piece)
+        crowded += [fit_members(band, lonely[points], widths) for points in followed.crowded]
+    return wires, crowded
+
+
+def _may_be_bundle(band: CableBand, piece: FittedWire) -> bool:
+    """Return whether all that is about a piece is in narrow rows beside or above it."""
+    plan = piece.plan
+    line = np.array([plan.x, plan.y, plan.ux, plan.uy, piece.low_m, piece.high_m])
+    s, o, dz = piece.residuals(band.xyz[band.near(line, piece.widths.crowd_m)])
+    return is_in_rows(s, o, dz, piece.widths)
 
 
 def _pieces(band: CableBand, points: IntArray, widths: Widths) -> list[FittedWire]:
@@ -237,18 +236,36 @@ def _spans(
     return pieces, end_at_supports(band, pieces, config.min_length_m)
 
 
-def _is_thin(band: CableBand, wire: FittedWire, low_m: float) -> bool:
-    """Return whether a piece has the points, height, occupancy and surroundings of a wire."""
+def _thin_ones(
+    band: CableBand, bundled: list[FittedWire], wires: list[FittedWire], low_m: float
+) -> list[FittedWire]:
+    """Return the wires of bundles that are thin when what was taken for a wire and is none counts as beside them.
+
+    The wires that were found before (`wires`) are none of what is beside them.
+    """
+    kept = [w for w in bundled if _is_thin(band, w, low_m, of_bundle=True)]
+    if len(kept) == len(bundled):
+        return kept
+    n = len(kept)
+    return _thin_ones(band, among(kept + wires, band)[:n], wires, low_m)
+
+
+def _is_thin(band: CableBand, wire: FittedWire, low_m: float, *, of_bundle: bool = False) -> bool:
+    """Return whether a piece has the points, height, occupancy and surroundings of a wire.
+
+    Wires of a bundle (`of_bundle`) that lie too near each other make a flat one, as the edge of a plate is, which sags;
+    and each is as dense as its row was.
+    """
     around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
     scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
     return (
         around.n_points >= LEAST_WIRE_POINTS
         and float(np.quantile(band.height_m[wire.members], _HEIGHT_QUANTILE)) >= low_m
-        and around.occupied >= LEAST_OCCUPIED
+        and around.occupied >= (LEAST_ROW_OCCUPIED if of_bundle else LEAST_OCCUPIED)
         and around.ringed <= MOST_RINGED
         and around.even >= LEAST_EVEN
         and around.wavy_m <= max(WAVY_GATES * wire.widths.gate_m, WAVY_SIGMAS * scatter)
-        and _is_round(wire)
+        and (_is_round(wire) or (of_bundle and is_sagging(wire)))
     )
 
 
@@ -256,48 +273,3 @@ def _is_round(wire: FittedWire) -> bool:
     """Return whether the points scatter alike across the wire and in height, unlike those of the edge of a plate."""
     small, large = sorted((wire.sigma_o_m, wire.fit.sigma_m))
     return large <= max(wire.widths.round_m, ROUND_RATIO * small)
-
-
-def _sags(wire: FittedWire) -> bool:
-    """Return whether the curvature is significant, and larger than that of the tautest wire."""
-    return wire.fit.curve.curvature_per_m > max(_SAG_SIGMAS * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
-
-
-def _free_hanging(
-    band: CableBand, wires: list[FittedWire], pieces: list[FittedWire], *, times_order: bool
-) -> tuple[list[FittedWire], list[WireSurroundings]]:
-    """Return the wires that hang free, and the surroundings of each.
-
-    Points of other wires do not count as surroundings, except those of straight ones: a scanner that drives past a
-    far wall leaves a stack of straight lines on it.
-    """
-    of_wire = np.zeros(len(band.xyz), dtype=bool)
-    for wire in pieces:
-        of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_WIRE_M
-    kept = [(w, surroundings(band, w, of_wire)) for w in wires]
-    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, not times_order and _is_flat(w))]
-    return [w for w, _ in kept], [a for _, a in kept]
-
-
-def _is_flat(wire: FittedWire) -> bool:
-    """Return whether all points lie in a plane, as those of one sweep do."""
-    return min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
-
-
-def _is_gentle(wire: FittedWire) -> bool:
-    """Return whether sag and slope are those of a wire; leaves and rows of points on walls make any curve."""
-    ends = wire.fit.curve.slope_at(np.array([wire.low_m, wire.high_m]))
-    turn = wire.fit.curve.curvature_per_m * wire.length_m
-    return bool(turn <= MOST_TURN and np.abs(ends).max() <= STEEPEST)
-
-
-def _hangs(wire: FittedWire, around: WireSurroundings, one_sweep: bool) -> bool:
-    """Return whether it sags, or is thin and isolated enough to be taut: edges of buildings are straight."""
-    sags, is_short = _sags(wire), wire.length_m < SHORT_WIRE_M
-    scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
-    is_clear = around.ringed <= MOST_RINGED_THICK or scatter <= wire.widths.round_m
-    in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_WIRE_M
-    is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
-    if one_sweep:
-        return sags and around.taken == 0
-    return ((sags or is_short) and in_company) or (is_alone and scatter <= THIN_GATES * wire.widths.gate_m)

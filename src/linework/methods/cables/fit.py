@@ -227,6 +227,14 @@ def _sagitta_m(plan: PlanLine, low_m: float, high_m: float) -> float:
     return float(np.abs(plan.aside(np.array([low_m, high_m]))).max())
 
 
+def among(wires: list[FittedWire], band: CableBand) -> list[FittedWire]:
+    """Return the wires, each fitted together with no others than these: what else it was fitted with is beside it."""
+    is_of_wire = np.zeros(len(band.xyz), dtype=bool)
+    for wire in wires:
+        is_of_wire[wire.members] = True
+    return [replace(w, others=w.others[is_of_wire[w.others]]) if len(w.others) else w for w in wires]
+
+
 def _not_of(wire: FittedWire, points: IntArray) -> IntArray:
     """Return the points (k,) without those of the wires that this one was fitted together with."""
     if len(wire.others) == 0:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.cables import search as kernels
 from linework.kernels.cables import tube
-from linework.methods.cables.band import Widths
+from linework.methods.cables.band import RING, Widths
 from linework.methods.cables.seeds import Seed
 
 #: Sides of a cell of a slice along, up and across: one vote per half metre of wire, whatever its number of points. [m]
@@ -29,6 +30,13 @@ MOST_FAILURES = 3
 LEAST_OCCUPIED = 0.35
 #: Largest share of these whose ring holds more than a third as many points as the wire.
 MOST_RINGED = 0.5
+#: Cells across rows of points [m], and the widest row: four deviations of the widest scatter of a wire's points, in gates.
+ROW_CELL_M, MOST_ROW_GATES = 0.05, 4.0
+#: Metres of a stretch in which rows are looked for, more where points are few: over longer ones a line that drifts from
+#: row to row smears them. Mean number of points in a cell from which chance leaves few of them half as full.
+ROW_METRES, ROW_CELL_POINTS = 4, 4.0
+#: Fewest points a metre of a row: with fewer, chance makes rows of the points of a wall or of leaves. [1/m]
+LEAST_ROW_POINTS_PER_M = 2.0
 #: Side of a column of isolated points: a slice is a metre wide. [m]
 LONELY_COLUMN_M = 2.0
 #: Largest distance of a seed from the points that voted for it: the diagonal of the largest window. [m]
@@ -134,9 +142,24 @@ class IsolatedPoints:
         return near[by], s[by], o[by], z[by]
 
 
+class LinesInSlice(NamedTuple):
+    """Points of lines in the slice of a seed line, indices into the isolated points.
+
+    Parameters
+    ----------
+    wires
+        Of each wire, followed beyond the window. Other lines may be among them: they are tested later.
+    crowded
+        Of each line in a narrow row with others beside or above it: wires of a bundle may be.
+    """
+
+    wires: list[IntArray]
+    crowded: list[IntArray]
+
+
 def follow_seed(
     lonely: IsolatedPoints, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
-) -> list[IntArray]:
+) -> LinesInSlice:
     """Return the points of each wire in the slice of a seed line.
 
     Parameters
@@ -149,16 +172,11 @@ def follow_seed(
         Widths across a wire.
     max_gap_m
         Longest stretch without a point that a wire is followed over. [m]
-
-    Returns
-    -------
-    list of index arrays
-        Points of each wire, followed beyond the window. Other lines may be among them: they are tested later.
     """
     plan = PlanLine(seed.x, seed.y, seed.ux, seed.uy)
     near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0), free)
     left = free[near]
-    wires: list[IntArray] = []
+    wires, crowded = list[IntArray](), list[IntArray]()
     failed = 0
     while failed < MOST_FAILURES and np.count_nonzero(left) >= LEAST_VOTES:
         curve = _best_curve(s, o, z, left, widths.vote_m)
@@ -175,7 +193,9 @@ def follow_seed(
                 failed = 0
                 left &= ~np.isin(near, grown)
                 wires.append(grown)
-    return wires
+        elif _may_be_bundle(s, o, z, member, widths):
+            crowded.append(near[member])
+    return LinesInSlice(wires, crowded)
 
 
 def _best_curve(
@@ -194,6 +214,57 @@ def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths
     """Return whether the members are long, occupied and isolated enough for a wire."""
     length, occupied, ringed = tube.thinness(s, o, z, member, widths.gates)
     return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
+
+
+def _may_be_bundle(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
+    """Return whether the members are long and occupied, in narrow rows with what is beside them."""
+    length, occupied, _ = tube.thinness(s, o, z, member, widths.gates)
+    n = np.count_nonzero(member)
+    if length < LEAST_SEEN_M or occupied < LEAST_OCCUPIED or n < LEAST_ROW_POINTS_PER_M * length:
+        return False
+    s0 = s[member].mean()
+    up = z - np.polyval(np.polyfit(s[member] - s0, z[member], 2), s - s0)
+    aside = o - np.polyval(np.polyfit(s[member] - s0, o[member], 1), s - s0)
+    along = (s >= s[member].min()) & (s <= s[member].max())
+    return is_in_rows(s[along], aside[along], up[along], widths)
+
+
+def is_in_rows(s: FloatArray, aside_m: FloatArray, up_m: FloatArray, widths: Widths) -> bool:
+    """Return whether points about a line are in narrow rows, side by side or one above another, in most of its metres.
+
+    Parameters
+    ----------
+    s, aside_m, up_m
+        (n,) stations, offsets to its left and heights above it, of all points about it. [m]
+    widths
+        Widths across a wire: leaves, walls and roofs fill what is beyond the ring in both directions, decks the plane.
+    """
+    reach_m, ring_m = widths.crowd_m, RING * widths.gate_m
+    near = (np.abs(aside_m) <= reach_m) & (np.abs(up_m) <= reach_m)
+    metre = np.floor(s[near] - s.min()).astype(np.int64)
+    for along, away in ((aside_m[near], up_m[near]), (up_m[near], aside_m[near])):
+        is_in = np.abs(away) <= ring_m
+        inside, beyond = (np.bincount(metre[part], minlength=metre.max() + 1) for part in (is_in, ~is_in))
+        is_seen = inside > 0
+        if is_seen.any() and (is_seen & (beyond > inside / 3.0)).sum() <= MOST_RINGED * is_seen.sum():
+            return _widest_row_m(metre[is_in], along[is_in], reach_m) <= MOST_ROW_GATES * widths.gate_m
+    return False
+
+
+def _widest_row_m(metre: IntArray, across_m: FloatArray, reach_m: float) -> float:
+    """Return the median over stretches of the width of the widest row of points, (n,) each [m]."""
+    n_cells = math.ceil(2.0 * reach_m / ROW_CELL_M)
+    cell = np.minimum(np.floor((across_m + reach_m) / ROW_CELL_M).astype(np.int64), n_cells - 1)
+    metres_that_tell = math.ceil(ROW_CELL_POINTS * n_cells * (int(np.ptp(metre)) + 1) / len(metre))
+    stretch = np.unique(metre // max(ROW_METRES, metres_that_tell), return_inverse=True)[1]
+    count = np.zeros((int(stretch.max()) + 1, n_cells + 2))
+    np.add.at(count, (stretch, cell + 1), 1.0)
+    is_filled = count > count.sum(axis=1, keepdims=True) / n_cells / 2.0
+    widest, run = np.zeros(len(count)), np.zeros(len(count))
+    for column in is_filled.T:
+        run = np.where(column, run + 1.0, 0.0)
+        widest = np.maximum(widest, run)
+    return float(np.median(widest)) * ROW_CELL_M
 
 
 def _grown(
