@@ -129,6 +129,16 @@ def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStr
     return FormedStretch(run, _middle(same), number / len(inside), rise, across)
 
 
+def lid_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> float:
+    """Return the median over the windows of a run of the share of their upper 3 cm that lies behind the face [ratio]."""
+    seen = [
+        s.bands[0].top_share
+        for i, s in zip(at.tolist(), forms, strict=True)
+        if run.start <= i < run.stop and s.bands
+    ]
+    return float(np.median(seen)) if seen else 0.0
+
+
 def _most(counted: Counter[Any]) -> tuple[Any, int]:
     """Return what was counted most, and how often; of several the last in order."""
     return max(counted.items(), key=lambda item: (item[1], item[0]))

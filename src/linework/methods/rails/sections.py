@@ -68,6 +68,8 @@ W_BEAM_M, THRIE_BEAM_M = (0.215, 0.40), (0.42, 0.60)
 #: Ropes of 19 mm, seen as wide as a beam of a few centimetres, with its noise; tubes of handrails, 5 cm, and half a cell;
 #: pipes, square tubes and boards, 0.06 to 0.20. [m]
 ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.075, (0.05, 0.215)
+#: Two W-beams, one above the other, leave at least so much between them, less their noise: spacers and bolts need it. [m]
+BETWEEN_BEAMS_M = 0.06
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
 #: Folded beams hang on their posts, this high above the grass at least. [m]
@@ -269,8 +271,11 @@ def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
         (float(z[run[0]] - 0.5 * SECTION_CELL_M), float(z[run[-1]] + 0.5 * SECTION_CELL_M))
         for run in kept[::-1]
     ]:
-        folded = bands and min(high - low, bands[-1][1] - bands[-1][0]) > LEAST_CREST_M
-        if folded and bands[-1][0] - high <= FOLD_M:
+        sizes = [high - low, bands[-1][1] - bands[-1][0]] if bands else [0.0]
+        apart = bands[-1][0] - high if bands else np.inf
+        # Crests of one beam hide what is between them; two whole beams stand one above the other
+        are_two = all(W_BEAM_M[0] <= v <= W_BEAM_M[1] for v in sizes) and apart >= BETWEEN_BEAMS_M
+        if min(sizes) > LEAST_CREST_M and apart <= FOLD_M and not are_two:
             bands[-1] = low, bands[-1][1]
         else:
             bands.append((low, high))
