@@ -37,6 +37,8 @@ _EVERY = 4
 _BESIDE = 6
 #: Height above a tried edge that is to be clear: that of the kernel. [m]
 _CLEAR_M = 0.10
+#: Height above the followed edge, which may lie a little low, at which what has a lid ends at the latest. [m]
+_LID_ENDS_M = 0.15
 #: Most of a beam that its edge is found by: a crest and a half of a folded one. [m]
 _MOST_BEAM_M = 0.30
 #: Weight of points above an edge, per equal area: twice, as for a W-beam.
@@ -130,13 +132,16 @@ def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStr
 
 
 def lid_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> float:
-    """Return the median over the windows of a run of the share of their upper 3 cm that lies behind the face [ratio]."""
-    seen = [
-        s.bands[0].top_share
-        for i, s in zip(at.tolist(), forms, strict=True)
-        if run.start <= i < run.stop and s.bands
+    """Return how many more of the points are behind the face in its upper 3 cm than below, the median of windows [ratio].
+
+    A lid is at the top alone, and ends what is there; a second beam, posts and twigs are behind a face at all heights, and a
+    hedge goes on above it.
+    """
+    inside = [
+        s.bands[0] for i, s in zip(at.tolist(), forms, strict=True) if run.start <= i < run.stop and s.bands
     ]
-    return float(np.median(seen)) if seen else 0.0
+    lids = [b.top_share - b.below_share if b.high_m <= _LID_ENDS_M else 0.0 for b in inside]
+    return float(np.median(lids)) if lids else 0.0
 
 
 def _most(counted: Counter[Any]) -> tuple[Any, int]:
@@ -160,7 +165,7 @@ def _middle(same: list[SectionForm]) -> SectionForm:
             of_one[0],
             **{
                 name: float(np.median([getattr(band, name) for band in of_one]))
-                for name in ("low_m", "high_m", "axis_m", "explained", "top_share")
+                for name in ("low_m", "high_m", "axis_m", "explained", "top_share", "below_share")
             },
         )
         for of_one in zip(*(s.bands for s in same), strict=True)

@@ -80,8 +80,6 @@ FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.40
 #: Its highest 3 cm hold points of its own plane alone; a wall 0.1 m thick has half of them on its top, seen 17 degrees
 #: from above, a fifth seen 4 degrees from above. [share]
 MOST_TOP_SHARE = 0.2
-
-
 #: A concrete barrier is at least this high over grass; its upper face ends below the edge's own noise, and above its lower
 #: slope; the foot is as high as the toe of a New Jersey profile and the slope above; it stands before the top edge by 0.19
 #: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
@@ -124,8 +122,8 @@ class Band:
         Middle of that outline, or the top edge of concrete, to the left of the line. [m]
     explained
         Share of the points of the band that lie on it.
-    top_share
-        Share of the points of its highest 3 cm that lie off the plane of its face.
+    top_share, below_share
+        Shares of the points of its highest 3 cm, and of those from 6 cm down, that lie off the plane of its face.
     fits
         What each outline that was tried explains.
     """
@@ -137,6 +135,7 @@ class Band:
     explained: float
     top_share: float
     fits: tuple[OutlineFit, ...] = ()
+    below_share: float = 0.0
 
     @property
     def height_m(self) -> float:
@@ -217,8 +216,6 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     above_ground_m
         Height of the followed edge above the ground. [m]
 
-    Examples
-    --------
     A board of 12 cm, and nothing else:
 
     >>> counts = np.zeros((310, 40))
@@ -232,8 +229,7 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     if found.sum() < _LEAST_POINTS:
         return NOTHING
     edges = _bands(found.sum(axis=1), z)
-    if not edges:
-        # Points at many heights, none of which is dense: leaves and stalks
+    if not edges:  # points at many heights, none of which is dense: leaves and stalks
         return NOTHING
     if edges[0][1] > min(DEPTHS_M[1], RAIL_BAND_M[1] - above_ground_m) - _GAP_CELLS * SECTION_CELL_M:
         # A wall goes on above what is looked at: what ends with that has no upper edge
@@ -308,9 +304,10 @@ def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, hig
     )
     upper = weight[height > 0.5 * size - TOP_HEIGHT_M]
     off = np.abs(u - fits[0].axis_m) > ON_OUTLINE_M
-    top_share = float(upper[:, off].sum() / max(upper.sum(), 1.0))
+    lower = weight[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
+    at_top, below = (float(part[:, off].sum() / max(part.sum(), 1.0)) for part in (upper, lower))
     chosen = min(fits, key=lambda fit: fit.cost)
-    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, top_share, fits)
+    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below)
 
 
 def _rarity(
@@ -333,10 +330,8 @@ def _bars(
         (heights, widths) points of the band.
     height, u
         Middles of its cells over the middle of the band, and across. [m]
-    half
-        Half of its height. [m]
-    number
-        Of its points.
+    half, number
+        Half of its height [m], and the number of its points.
     """
     row, column = np.nonzero(weight)
     points = np.column_stack([weight[row, column], u[column], height[row]])
