@@ -85,7 +85,7 @@ STEADY_BINS, STEADY_POINTS = 5, 3.0
 #: Turns at which a strip of road between paint and a verge may show [rad]; its least width [m]; and the standard deviations
 #: by which its brightness is clearly that of the road.
 STRIP_TURNS = np.deg2rad(np.arange(-16.0, 17.0, 4.0))
-STRIP_M, CLEARLY = 0.10, 2.0
+DARK_STRIP_M, CLEARLY = 0.10, 2.0
 #: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
 N_LAST = 4
 
@@ -132,7 +132,7 @@ def strip_beyond(
     """
     v = edge[EDGE_V]
     k = int(v / step + 0.5 * N_PROFILE_BINS + 0.5)
-    width = max(int(STRIP_M / step + 0.5), 1)
+    width = max(int(DARK_STRIP_M / step + 0.5), 1)
     for turn in STRIP_TURNS:
         x = edge[EDGE_VX] * np.cos(turn) - edge[EDGE_VY] * np.sin(turn)
         y = edge[EDGE_VX] * np.sin(turn) + edge[EDGE_VY] * np.cos(turn)
