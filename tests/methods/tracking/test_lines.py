@@ -258,6 +258,15 @@ def test_what_is_no_boundary_is_said_why():
     assert reasons([axis(0.0)], [False], [axis(100.0)]) == [NOTHING_IN_FRONT]
 
 
+def test_the_back_of_a_footway_stays_one_where_it_goes_on_from_a_kerb():
+    t = np.linspace(0.0, 40.0, 81)
+    ahead = LineAxis.of(t, np.column_stack([t + 41.0, np.full(81, -2.0), np.zeros(81)]))
+    back = [axis(0.0), axis(-2.0), ahead, axis(7.0, turned=True)]
+    assert reasons(back, [True] * 4) == ["", HIDDEN, "", ""]
+    # Behind a gutter, which is no boundary, it is one
+    assert reasons([axis(0.5), axis(0.0), axis(7.0, turned=True)], [False, True, True]) == [GUTTER, "", ""]
+
+
 def test_kerb_stones_are_no_paint():
     stone, paint = boxes_on(straight(20.0, y=-0.1)), boxes_on(straight(20.0, y=0.3))
     assert beside_kerb(stone, [axis(0.0)], -0.45, 0.04).all()

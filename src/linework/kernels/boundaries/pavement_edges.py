@@ -82,6 +82,10 @@ SIDE_POINTS = 10
 CLEAR_SPLIT = 24.0
 #: Bins that are checked together for one brightness, and the fewest points of them.
 STEADY_BINS, STEADY_POINTS = 5, 3.0
+#: Turns at which a strip of road between paint and a verge may show [rad]; its least width [m]; and the standard deviations
+#: by which its brightness is clearly that of the road.
+STRIP_TURNS = np.deg2rad(np.arange(-16.0, 17.0, 4.0))
+DARK_STRIP_M, CLEARLY = 0.10, 2.0
 #: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
 N_LAST = 4
 
@@ -115,6 +119,38 @@ def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
         if n >= STEADY_POINTS and (sums[a, BIN_I] - sums[b, BIN_I] > level * n) != above:
             return False
     return True
+
+
+@njit(cache=True, nogil=True)
+def strip_beyond(
+    work: FloatArray, n: int, edge: FloatArray, half_u: float, step: float, sums: FloatArray
+) -> bool:
+    """Return whether beyond an edge (11,) there is paint, and behind it a strip as dark as the road.
+
+    Then the edge is that of the paint, and the verge begins behind the strip. An axis that is turned mixes paint, strip and
+    verge to one brightness, so that it is asked at all turns.
+    """
+    v = edge[EDGE_V]
+    k = int(v / step + 0.5 * N_PROFILE_BINS + 0.5)
+    width = max(int(DARK_STRIP_M / step + 0.5), 1)
+    for turn in STRIP_TURNS:
+        x = edge[EDGE_VX] * np.cos(turn) - edge[EDGE_VY] * np.sin(turn)
+        y = edge[EDGE_VX] * np.sin(turn) + edge[EDGE_VY] * np.cos(turn)
+        bin_sums_across(work, n, x, y, half_u, step, sums)
+        n_a, _, _, _, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
+        n_b, _, i_b, _, b_b = _spread_of(sums[FAR_BIN], sums[k], v)
+        if n_a == 0.0 or n_b == 0.0 or b_b <= b_a:
+            continue
+        level, is_paint = 0.5 * (b_a + b_b), False
+        for a in range(k, FAR_BIN + width - 1, -1):
+            count = sums[a, BIN_N] - sums[a - width, BIN_N]
+            over = sums[a, BIN_I] - sums[a - width, BIN_I] - level * count
+            if count < STEADY_POINTS or abs(over) <= CLEARLY * np.sqrt(i_b * count):
+                continue
+            if is_paint and over < 0.0:
+                return True
+            is_paint = is_paint or over > 0.0
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -195,6 +231,8 @@ def best_split(
 ) -> bool:
     """Turn the v-axis until the profile changes most clearly; return False if no change passes the cell.
 
+    Where brightness shows the edge of paint (`strip_beyond`), only roughness counts.
+
     Parameters
     ----------
     work
@@ -210,6 +248,26 @@ def best_split(
     out
         (11,) output, columns `EDGE_VX` to `EDGE_N_ROUGH`.
     """
+    if not _best_split(work, n, frame, scale, by, sums, out):
+        return False
+    if out[EDGE_CONTRAST] == 1.0 or not strip_beyond(
+        work, n, out, HALF_LENGTH_M * scale, PROFILE_BIN_M * scale, sums
+    ):
+        return True
+    return by == BY_BOTH and _best_split(work, n, frame, scale, BY_ROUGHNESS, sums, out)
+
+
+@njit(cache=True, nogil=True)
+def _best_split(
+    work: FloatArray,
+    n: int,
+    frame: tuple[float, float],
+    scale: float,
+    by: int,
+    sums: FloatArray,
+    out: FloatArray,
+) -> bool:
+    """Do what `best_split` does, with what it is told to find edges by."""
     step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     half = int(BEYOND * EDGE_REACH_V / step)
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
@@ -242,6 +300,22 @@ def sharpen_split(
     columns.
     """
     step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
+    if not _sharpen_split(work, n, first, scale, by, sums, out):
+        return False
+    if out[EDGE_CONTRAST] != 1.0 and strip_beyond(work, n, out, half_u, step, sums):
+        if by != BY_BOTH or not _sharpen_split(work, n, first, scale, BY_ROUGHNESS, sums, out):
+            return False
+    bin_sums_across(work, n, out[EDGE_VX], out[EDGE_VY], half_u, step, sums)
+    _out_of_shadow(work, n, step, half_u, sums, out)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _sharpen_split(
+    work: FloatArray, n: int, first: FloatArray, scale: float, by: int, sums: FloatArray, out: FloatArray
+) -> bool:
+    """Do what `sharpen_split` does, with what it is told to find edges by, but for the scanner's shadow."""
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
     out[EDGE_VX], out[EDGE_VY], out[EDGE_CLEAR] = first[EDGE_VX], first[EDGE_VY], 0.0
     for stage in range(len(FINE_TURNS)):
@@ -269,7 +343,6 @@ def sharpen_split(
             square += likely * v * v
     mean /= total
     out[EDGE_V], out[EDGE_SIGMA] = mean, np.sqrt(max(square / total - mean * mean, 0.0) + step * step / 12.0)
-    _out_of_shadow(work, n, step, half_u, sums, out)
     return True
 
 

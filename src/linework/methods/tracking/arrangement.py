@@ -222,7 +222,10 @@ def bounds_carriageway(
     bad = share_of_stations(n, seam | gutter, every)[:m] > _MOST
     is_gutter = bad & (share_of_stations(n, gutter, every)[:m] >= share_of_stations(n, seam, every)[:m])
     why = np.where(is_gutter, GUTTER, np.where(bad, SEAM, np.where(hidden, HIDDEN, NOTHING_IN_FRONT)))
-    return np.where(_with_continued(axes, is_kerb, good & ~bad), "", why)
+    # Behind a boundary that is kept there is the back of its footway, however well it goes on from another
+    kept = np.concatenate([good & ~bad, np.zeros(len(lanes), dtype=np.bool_)])
+    is_behind = share_of_stations(n, first & ~in_front & kept[n.other], every)[:m] > _MOST
+    return np.where(_with_continued(axes, is_kerb & ~is_behind, good & ~bad), "", why)
 
 
 def _with_continued(axes: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:
