@@ -17,7 +17,7 @@ import shapely
 from pyproj.exceptions import CRSError as ProjError
 
 from linework.arrays import FloatArray
-from linework.crs import LOCAL, stated_crs
+from linework.crs import LOCAL, stated_crs, unit_factors
 from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import filled_file_bytes
 from linework.files.vectors.cad_codes import CadCode, codes_of_lines
@@ -34,8 +34,10 @@ with extra_needed("cad"):
 _APP = "LINEWORK"
 #: Red, green and blue, and whether dashed.
 _Look = tuple[tuple[int, int, int], bool]
-#: DXF's codes for metres ($INSUNITS) and for text in extended data.
-_METRES, _STRING = 6, 1000
+#: DXF's code for text in extended data.
+_STRING = 1000
+#: Its codes for units ($INSUNITS), by metres per unit; 0 is none of them.
+_UNITS = {1.0: 6, 0.3048: 2, 1200 / 3937: 21}
 #: Longest text in extended data. [characters]
 _MAX_TEXT = 250
 #: Patterns of paint that have layers of their own, and the line type of dashed ones: a sign, not the measured rhythm,
@@ -53,7 +55,7 @@ def write_dxf(
     before = options.write_fixed_meta_data_for_testing
     options.write_fixed_meta_data_for_testing = True
     try:
-        document = new("R2010", units=_METRES)
+        document = new("R2010", units=_unit_code(lines.crs))
         document.appids.new(_APP)
         document.linetypes.add(_DASHED, pattern=_DASHED_PATTERN, description="dashed")
         coded = codes_of_lines(lines, codes)
@@ -144,6 +146,11 @@ def verify_dxf(part: Path, lines: LineSet, path: Path, *, codes: Sequence[CadCod
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"
         )
+
+
+def _unit_code(crs: str) -> int:
+    plan_m = unit_factors(crs)[0]
+    return next((code for unit_m, code in _UNITS.items() if abs(plan_m / unit_m - 1.0) < 1e-9), 0)
 
 
 def prj_of(crs: str) -> bytes | None:

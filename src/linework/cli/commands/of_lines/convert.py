@@ -70,6 +70,7 @@ def convert(
         write_lines,
     )
     from linework.lines.doubles import merged_doubles
+    from linework.lines.units import in_metres, in_units_of
 
     check_lanes(output, lanes=lanes, location=location)
     if output.suffix.lower() == ".qgz":
@@ -98,7 +99,7 @@ def convert(
         table = read_cad_codes(codes) if codes is not None else ()
         found, left_out = read_usable_lines(lines, crs=crs)
         if merge_doubles:
-            found = merged_doubles(found).lines
+            found = in_units_of(merged_doubles(in_metres(found)).lines, found.crs)
         points = read_point_layers(lines)
         write_lines(
             found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights,
