@@ -258,7 +258,7 @@ def _read_map(path: Path, left_out: list[str]) -> _Map:
     index: dict[str, int] = {}
     unknown: set[str] = set()
     rows: list[tuple[float, float, float]] = []
-    for node in children(root, "node"):
+    for node in _kept(root, "node"):
         place = _place(node)
         if place is not None:
             index[node.get("id", "")] = len(rows)
@@ -266,7 +266,7 @@ def _read_map(path: Path, left_out: list[str]) -> _Map:
         else:
             unknown.add(node.get("id", ""))
     ways = []
-    for way in children(root, "way"):
+    for way in _kept(root, "way"):
         name = f"way {(way.get('id') or '')[:20]}"
         refs = [ref.get("ref", "") for ref in children(way, "nd")]
         missing = [ref for ref in refs if ref not in index]
@@ -295,11 +295,22 @@ def _number_of_line(tags: Mapping[str, str]) -> int:
 def _place(node: Element) -> tuple[float, float, float] | None:
     """Return latitude, longitude, height; None where they are no numbers. A node without a height is at 0."""
     try:
-        place = (float(node.get("lat", "")), float(node.get("lon", "")), float(_tags(node).get("ele", "0")))
+        place = (float(node.get("lat", "")), float(node.get("lon", "")), _height(_tags(node).get("ele", "0")))
     except ValueError:
         return None
     is_there = abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0 and abs(place[2]) <= _MAX_HEIGHT_M
     return place if is_there else None
+
+
+def _height(text: str) -> float:
+    """Return a height in metres, which may have its unit as OpenStreetMap writes it."""
+    number = text.strip()
+    return float(number[:-1] if number.endswith("m") else number)
+
+
+def _kept(root: Element, name: str) -> list[Element]:
+    """Return the elements that are not deleted: editors keep these in a file until it is uploaded."""
+    return [e for e in children(root, name) if e.get("action") != "delete" and e.get("visible") != "false"]
 
 
 def _tags(element: Element) -> dict[str, str]:

@@ -47,6 +47,7 @@ def publish_command(
     import dataclasses
 
     from linework.errors import PartialError, UsageError, check_extra
+    from linework.files.vectors.fields import lines_with_heights
     from linework.files.vectors.read_write import read_usable_lines
 
     check_extra("postgis", where="DATABASE")
@@ -61,6 +62,8 @@ def publish_command(
         )
     address = database_address(database, schema=schema)
     found, left_out = read_usable_lines(lines, crs=crs)
+    found, flat = lines_with_heights(found)
+    left_out = "; ".join(filter(None, (left_out, f"{lines}: {flat}" if flat else "")))
     name = survey or lines.stem
     paint = None
     if points:
