@@ -203,6 +203,14 @@ def test_paint_that_was_worn_away_or_renewed_is_found_and_other_paint_is_not(see
     assert renewed.after > renewed.before + 30
 
 
+def test_what_a_marking_errs_by_together_is_drawn_once_a_marking():
+    """20 points of paint are five of these deviations: more than one of a few markings errs by, whatever its length."""
+    old = paint_pieces(marking(), within(points(0.95, seed=1)))
+    worn = worn_from(points(0.95, seed=2, road=60.0), points(0.75, seed=11, road=60.0), 20.0)
+    (change,) = changes(marking(), marking(), old, paint_pieces(marking(), within(worn)))
+    assert change.from_m == pytest.approx(20.0, abs=2.1) and abs(change.before - change.after - 20) < 4
+
+
 def test_unknown_paint_is_no_change():
     pieces = paint_pieces(marking(), within(points(0.95)))
     unknown = paint_pieces(marking(), within(points(0.0)))

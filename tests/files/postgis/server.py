@@ -33,8 +33,8 @@ def binaries() -> Path:
 class Server:
     """A running server; `url(database)` is the address of a database, `stop("immediate")` kills it."""
 
-    def __init__(self, folder: Path, programs: Path, port: int) -> None:
-        self.folder, self.programs, self.port = folder, programs, port
+    def __init__(self, folder: Path, programs: Path, port: int, durable: bool) -> None:
+        self.folder, self.programs, self.port, self.durable = folder, programs, port, durable
 
     def control(self, *arguments: str) -> None:
         # PostgreSQL refuses to run as root
@@ -44,7 +44,8 @@ class Server:
         )
 
     def start(self) -> None:
-        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.folder} -c fsync=off"
+        fsync = "on" if self.durable else "off"
+        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.folder} -c fsync={fsync}"
         self.control(
             "pg_ctl",
             "-D",
@@ -78,15 +79,15 @@ def free_port() -> int:
 
 
 @contextmanager
-def running_server() -> Iterator[Server]:
-    """Yield a server with a database `lines` that has PostGIS."""
+def running_server(*, durable: bool = False) -> Iterator[Server]:
+    """Yield a server with a database `lines` that has PostGIS; a durable one waits for its disk."""
     programs = binaries()
     folder = Path(tempfile.mkdtemp(prefix="linework-pg-"))
     try:
         if os.geteuid() == 0:
             owner = pwd.getpwnam("postgres")
             os.chown(folder, owner.pw_uid, owner.pw_gid)
-        server = Server(folder, programs, free_port())
+        server = Server(folder, programs, free_port(), durable)
         server.control(
             "initdb", "-D", str(folder / "data"), "-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-sync"
         )

@@ -79,6 +79,19 @@ def test_the_database_has_measures_srids_views_and_indices(server, address):
     assert server.run(f"SELECT survey, written, kept FROM {at}.run") == [("drive", 9, 0)]
 
 
+def test_measures_of_lines_in_feet_are_metres(server, address):
+    xyz = np.array([[980_000.0, 200_000.0, 30.0], [980_100.0, 200_000.0, 30.0]])
+    publish_lines(
+        LineSet.from_lines([xyz], crs="EPSG:2263+6360", kind="guardrail", id="rail"), address, "drive"
+    )
+    query = (
+        f"SELECT ST_SRID(geom), ST_M(ST_EndPoint(geom)), length_m, ST_Length(geom) FROM {address.schema}.line"
+    )
+    ((srid, measure, length_m, in_feet),) = server.run(query)
+    assert (srid, in_feet) == (2263, 100.0) and measure == length_m == pytest.approx(100 * 1200 / 3937)
+    np.testing.assert_array_equal(back(address).xyz, xyz)
+
+
 def test_a_rerun_changes_its_own_lines_only(server, address):
     lines = road_lines()
     publish_lines(lines, address, "a")
@@ -369,5 +382,5 @@ def test_the_commands(linework, server, address, tmp_path, monkeypatch):
 
 def test_places_as_bytes():
     xyz = np.random.default_rng(0).normal(size=(7, 3))
-    np.testing.assert_array_equal(line_of_ewkb(ewkb_of_line(xyz, 25832)), xyz)
+    np.testing.assert_array_equal(line_of_ewkb(ewkb_of_line(xyz, 25832, np.arange(7.0))), xyz)
     assert psycopg.__version__ >= "3.2"

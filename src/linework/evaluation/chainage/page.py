@@ -23,6 +23,7 @@ with extra_needed("reports"):
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
 
 #: What is drawn along the chainage: topic, quantity, statistic, title with its unit.
 _PLOTS = (
@@ -34,7 +35,11 @@ _PLOTS = (
     ("marking", "remaining_paint", "mean", "markings: paint that is left [%]"),
     ("marking", "missing_dashes", "sum", "missing dashes [number]"),
 )
+#: Intervals in which nothing of a quantity is known, and those in which it is hidden on some of the lines.
+_HIDDEN, _PARTLY_HIDDEN = "#c4c4c4", "#ececec"
 _SIDES = {"left": ("#0072b2", "o"), "right": ("#d55e00", "s"), "axis": ("#444444", "^")}
+#: Rim of the lines on the map: yellow does not stand out from light ground without one.
+_RIM = "#555555"
 #: Places listed as the worst.
 _WORST = 10
 
@@ -43,10 +48,14 @@ def chainage_page(report: ChainageReport, lines: LineSet, facts: Mapping[str, st
     """Return the page as self-contained HTML; the same report gives the same text."""
     worst = worst_rows(report)
     figures = [("Map", _png(_map_figure(report, lines, worst)))]
-    plots = [p for p in _PLOTS if any(_shown(report.rows, *p[:3], axis.name) for axis in report.axes)]
-    figures += [
-        (f"Along {axis.name}", _png(_plots_figure(report, axis, plots))) for axis in report.axes if plots
-    ]
+    for axis in report.axes:
+        shown = [plot for plot in _PLOTS if _shown(report.rows, *plot[:3], axis.name)]
+        known = [p for p in shown if any(r.value is not None for r in _shown(report.rows, *p[:3], axis.name))]
+        # A plot of nothing says less than its title
+        hidden = ", ".join(plot[3].rsplit(" [", 1)[0] for plot in shown if plot not in known)
+        if known:
+            title_of_plots = f"Along {axis.name}" + (f" (hidden everywhere: {hidden})" if hidden else "")
+            figures.append((title_of_plots, _png(_plots_figure(report, axis, known))))
     if worst:
         figures.append(("Cross-sections of the worst places", _png(_sections_figure(report, worst))))
     environment = Environment(
@@ -111,9 +120,12 @@ def _plots_figure(report: ChainageReport, axis: Axis, plots: Sequence[tuple[str,
                 ax.errorbar(
                     at, [v for _, v in known], spread, fmt=marker, ms=3.5, color=colour, lw=0.8, label=side
                 )
-            for r in own:
-                if r.value is None:
-                    ax.axvspan(r.from_m, r.to_m, color="#cccccc", lw=0)
+        known_m = {(r.from_m, r.to_m) for r in rows if r.value is not None}
+        for interval in {(r.from_m, r.to_m) for r in rows if r.value is None}:
+            ax.axvspan(*interval, color=_PARTLY_HIDDEN if interval in known_m else _HIDDEN, lw=0)
+        if quantity == "missing_dashes":
+            ax.set_ylim(-0.5, max([r.value for r in rows if r.value is not None] + [1.0]) + 0.5)
+            ax.yaxis.get_major_locator().set_params(integer=True)
         limit = limit_for(report.standard, topic, quantity)
         for bound in (limit.least, limit.most) if limit else ():
             if bound is not None:
@@ -123,7 +135,9 @@ def _plots_figure(report: ChainageReport, axis: Axis, plots: Sequence[tuple[str,
         ax.set_xlim(axis.station_m[0], axis.station_m[-1])
         if ax.get_legend_handles_labels()[1]:
             ax.legend(fontsize=7, loc="upper right")
-    panels[-1].set_xlabel(f"chainage along {axis.name} [m]; grey: hidden, unknown; dashed: limit")
+    panels[-1].set_xlabel(
+        f"chainage along {axis.name} [m]; grey: hidden, unknown; light grey: hidden on some lines; dashed: limit"
+    )
     return figure
 
 
@@ -132,9 +146,10 @@ def _map_figure(report: ChainageReport, lines: LineSet, worst: Sequence[Chainage
     ax = figure.subplots()
     ax.set_facecolor(BACKGROUND)
     origin = lines.xyz[:, :2].min(axis=0) if len(lines.xyz) else np.zeros(2)
+    rim = withStroke(linewidth=2.0, foreground=_RIM)
     for kind in lines.kinds:
         for line in lines[kind]:
-            ax.plot(*(line.xyz[:, :2] - origin).T, color=colour_text(kind), lw=0.7)
+            ax.plot(*(line.xyz[:, :2] - origin).T, color=colour_text(kind), lw=1.0, path_effects=[rim])
     for axis in report.axes:
         xy = axis.xyz[:, :2] - origin
         ax.plot(*xy.T, color="#333333", lw=0.6, ls=":")
@@ -143,7 +158,7 @@ def _map_figure(report: ChainageReport, lines: LineSet, worst: Sequence[Chainage
             ax.annotate(f"{axis.station_m[i]:.0f}", xy[i], fontsize=7)
     for row in worst:
         place = _station(report, row)[1] - origin
-        ax.plot(*place, "o", ms=9, mfc="none", mec="#b00020")
+        ax.plot(*place, "o", ms=9, mfc="none", mec="#b00020", mew=1.5)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel(f"east of {origin[0]:.0f} [m]")
     ax.set_ylabel(f"north of {origin[1]:.0f} [m]")

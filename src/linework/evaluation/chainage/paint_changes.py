@@ -5,12 +5,14 @@ Separate from `paint_along`, which measures one survey.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
+from scipy.stats import norm
 
 from linework.arrays import FloatArray, IntArray
 from linework.evaluation.chainage.paint_along import paint_left
@@ -32,6 +34,8 @@ _STRETCH_M = 10.0
 #: between two passes of 17 unchanged markings (simulated urban, motorway and straight roads, seeds 531 and 533,
 #: 2026-11-24; ``benchmarks.epochs``). [%]
 _COMMON_SIGMA = 4.0
+#: Length of marking that has one such error: that of the markings it was taken from. [m]
+_COMMON_M = 200.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,8 @@ def paint_changes(
     -----
     Means over 10 m are judged as moves of lines are, see `shifts`, but by their stated deviations: all paint of a road may
     have worn, so that differences between surveys do not tell what chance is. Where a part was not measured in both, what
-    lies before and behind is judged apart. The mean of a run is also judged by what all of a marking errs by together.
+    lies before and behind is judged apart. The mean of a run is also judged by what all of a marking errs by together:
+    that is drawn once a marking and not once a stretch, so that fewer of its deviations are more than chance.
     """
     pairs = _pairs(new_lines, old, new, place)
     own = pairs.own
@@ -99,6 +104,11 @@ def paint_changes(
     )  # fmt: skip
     chance = Chance(1.0, UNRELATED)
     least = least_deviations(n_stretches, chance.filters, FALSE_PER_KM * road_km)
+    n_common = sum(
+        math.ceil(_STRETCH_M * sum(len(one[1]) for one in judged if one[0] == number) / _COMMON_M)
+        for number in {number for number, *_ in judged}
+    )
+    least_common = float(norm.isf(0.5 * min(FALSE_PER_KM * road_km / n_common, 1.0)))
     found = []
     for number, at, was, now, noise in judged:
         for a, b in shifted_runs((now - was) / noise, chance, least):
@@ -106,7 +116,7 @@ def paint_changes(
             by_chance = float(np.sqrt(np.mean(noise[run] ** 2) / (b - a + 1)))
             deviation = float(np.hypot(by_chance, _COMMON_SIGMA))
             values = float(was[run].mean()), float(now[run].mean())
-            if abs(values[1] - values[0]) > least * deviation:
+            if abs(values[1] - values[0]) > math.hypot(least * by_chance, least_common * _COMMON_SIGMA):
                 end = min(float(at[b]) + _STRETCH_M, float(old_lines.length_m[number]))
                 found.append(PaintChange(number, float(at[a]), end, *values, deviation))
     return found

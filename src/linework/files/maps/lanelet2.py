@@ -20,7 +20,7 @@ import numpy as np
 import shapely
 
 from linework.arrays import FloatArray, IntArray
-from linework.crs import parse_crs
+from linework.crs import metric_twin, parse_crs
 from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.maps.degrees import Heights, from_degrees, in_degrees
 from linework.files.maps.lanelet2_tags import kind_of_tags, tags_of_line
@@ -28,6 +28,7 @@ from linework.files.maps.lanelets import NEAREST_M, Lanelet, lanelet_map, set_ap
 from linework.files.maps.xml_text import children, field_texts, read_xml, text_table, xml_quoted
 from linework.files.vectors.gdal import foreign_lines
 from linework.lines.doubles import merged_doubles
+from linework.lines.units import in_metres
 from linework.model.lines import LineSet
 
 #: 1e-11 degrees are about a micrometre.
@@ -104,7 +105,7 @@ def _expressed(
     lines: LineSet, location: str = ""
 ) -> tuple[LineSet, list[dict[str, str]], tuple[Lanelet, ...]]:
     """Return the lines that Lanelet2 has a type for, their tags, and lanelets between them if these have a location."""
-    lines = merged_doubles(lines).lines
+    lines = merged_doubles(in_metres(lines)).lines
     lanelets: tuple[Lanelet, ...] = ()
     if location:
         lines, lanelets, _ = lanelet_map(lines)
@@ -118,7 +119,7 @@ def _expressed(
 
 def lanelet2_losses(lines: LineSet, location: str = "") -> tuple[str, ...]:
     """Return what a Lanelet2 map cannot hold of these lines, and of the lanes between them if these have a location."""
-    doubles = merged_doubles(lines)
+    doubles = merged_doubles(in_metres(lines))
     lines, fields = doubles.lines, field_texts(doubles.lines)
     out = [str(lines.kind[i]) for i in range(len(lines)) if not tags_of_line(lines[i], fields[i], number=i)]
     found = [f"{out.count(kind):,} lines of {kind or 'no kind'}" for kind in dict.fromkeys(out)]
@@ -230,6 +231,8 @@ def read_lanelet2(
             f"positions in degrees, lengths need metres; the middle is in {_utm_zone(found.places)}", where=path,
             advice=f"give {argument('crs', 'EPSG:...')} (projected, metres)",
         )  # fmt: skip
+    # Heights of a map are in metres
+    own_crs = metric_twin(own_crs)
     xyz = (
         from_degrees(found.places, own_crs, heights=found.heights, where=path)
         if len(found.places)
@@ -255,7 +258,7 @@ def _read_map(path: Path, left_out: list[str]) -> _Map:
     index: dict[str, int] = {}
     unknown: set[str] = set()
     rows: list[tuple[float, float, float]] = []
-    for node in children(root, "node"):
+    for node in _kept(root, "node"):
         place = _place(node)
         if place is not None:
             index[node.get("id", "")] = len(rows)
@@ -263,7 +266,7 @@ def _read_map(path: Path, left_out: list[str]) -> _Map:
         else:
             unknown.add(node.get("id", ""))
     ways = []
-    for way in children(root, "way"):
+    for way in _kept(root, "way"):
         name = f"way {(way.get('id') or '')[:20]}"
         refs = [ref.get("ref", "") for ref in children(way, "nd")]
         missing = [ref for ref in refs if ref not in index]
@@ -292,11 +295,22 @@ def _number_of_line(tags: Mapping[str, str]) -> int:
 def _place(node: Element) -> tuple[float, float, float] | None:
     """Return latitude, longitude, height; None where they are no numbers. A node without a height is at 0."""
     try:
-        place = (float(node.get("lat", "")), float(node.get("lon", "")), float(_tags(node).get("ele", "0")))
+        place = (float(node.get("lat", "")), float(node.get("lon", "")), _height(_tags(node).get("ele", "0")))
     except ValueError:
         return None
     is_there = abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0 and abs(place[2]) <= _MAX_HEIGHT_M
     return place if is_there else None
+
+
+def _height(text: str) -> float:
+    """Return a height in metres, which may have its unit as OpenStreetMap writes it."""
+    number = text.strip()
+    return float(number[:-1] if number.endswith("m") else number)
+
+
+def _kept(root: Element, name: str) -> list[Element]:
+    """Return the elements that are not deleted: editors keep these in a file until it is uploaded."""
+    return [e for e in children(root, name) if e.get("action") != "delete" and e.get("visible") != "false"]
 
 
 def _tags(element: Element) -> dict[str, str]:

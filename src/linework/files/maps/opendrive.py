@@ -29,6 +29,7 @@ from linework.files.maps.xml_text import field_texts, xml_quoted
 from linework.lines.doubles import merged_doubles
 from linework.lines.lane_sections import LaneRoad, LaneSection, lane_roads
 from linework.lines.names import with_ids
+from linework.lines.units import in_metres
 from linework.model.lines import POLE, LineSet
 
 #: Types of objects by kind. A wire has no type of its own.
@@ -65,6 +66,7 @@ def write_opendrive(
 ) -> None:
     """Write OpenDRIVE (called through `publish`): the spaces between the lines, and rails and wires beside them.
 
+    The standard has metres: lines in feet are written in the same projection in metres.
     With `lanes`, spaces that are lanes (see `linework.lines.lane_sections.lane_roads`) are of the type driving.
 
     Raises
@@ -72,7 +74,7 @@ def write_opendrive(
     UsageError
         No two lines are beside each other as the bounds of a lane are.
     """
-    doubles = merged_doubles(with_ids(lines, ()))
+    doubles = merged_doubles(with_ids(in_metres(lines), ()))
     lines = doubles.lines
     roads = lane_roads(lines)
     if not roads:
@@ -362,7 +364,7 @@ def _expected(lines: LineSet) -> dict[str, list[FloatArray]]:
 
 def opendrive_losses(lines: LineSet) -> tuple[str, ...]:
     """Return what an OpenDRIVE file cannot hold of these lines."""
-    doubles = merged_doubles(with_ids(lines, ()))
+    doubles = merged_doubles(with_ids(in_metres(lines), ()))
     lines = doubles.lines
     there = _expected(lines)
     out = [str(lines.kind[i]) for i in range(len(lines)) if str(lines.id[i]) not in there]
@@ -392,7 +394,7 @@ def verify_opendrive(
     MachineError
         Not the lines that were written.
     """
-    lines = merged_doubles(with_ids(lines, ())).lines
+    lines = merged_doubles(with_ids(in_metres(lines), ())).lines
     back = read_opendrive(part, "kind", None, None, [])
     for name, pieces in _expected(lines).items():
         own = back.take(back.id == name)

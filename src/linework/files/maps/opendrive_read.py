@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from linework.arrays import FloatArray
-from linework.crs import LOCAL, parse_crs, stated_crs
+from linework.crs import LOCAL, metric_twin, parse_crs, stated_crs
 from linework.errors import InputError
 from linework.files.maps.opendrive_plan import RoadPlan, road_plan
 from linework.files.maps.xml_text import children, read_xml, text_table
@@ -103,7 +103,7 @@ def read_opendrive(
     """Read the borders of lanes that have a road mark, and the long objects: skeletons, rails that are repeated.
 
     The kind is ours where the file has it; else that of the road mark, and of objects their type. Roads that cannot be
-    evaluated are added to `left_out`.
+    evaluated are added to `left_out`. Lines are in metres, in the twin of a CRS in feet.
 
     Raises
     ------
@@ -141,6 +141,8 @@ def read_opendrive(
                     rows.append({"road": name, **row})
         except (ValueError, KeyError, IndexError) as error:
             left_out.append(f"{name}: {str(error)[:80]}")
+    # The standard has metres, whatever the unit of the CRS
+    own_crs = metric_twin(own_crs)
     array = np.array([*shapes, None], dtype=object)[:-1]
     kind = [row.get(kind_field, row["kind"]) for row in rows]
     names = [row["road"] for row in rows]

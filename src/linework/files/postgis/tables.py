@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import FloatArray, distance_along
+from linework.lines.units import in_metres
 from linework.model.columns import column_types
 from linework.model.lines import KINDS, LINE_COLUMNS, POLE, VERTEX_COLUMNS, LineSet
 
@@ -92,9 +93,13 @@ def schema_statements(schema: str) -> list[str]:
 
 
 def rows_of_lines(lines: LineSet, survey: str, srid: int) -> Iterator[list[Any]]:
-    """Yield a row per line; the measure M of a vertex is its distance from the line's start in plan [m]."""
+    """Yield a row per line; the measure M of a vertex is its distance from the line's start in plan [m].
+
+    Coordinates stay in the units of their CRS.
+    """
+    metres = in_metres(lines)
     columns = [getattr(lines, name).tolist() for name in LINE_FIELDS]
-    lengths = lines.length_m.tolist()
+    lengths = metres.length_m.tolist()
     for i in range(len(lines)):
         first, last = int(lines.offsets[i]), int(lines.offsets[i + 1])
         own = [column[i] for column in columns]
@@ -105,7 +110,7 @@ def rows_of_lines(lines: LineSet, survey: str, srid: int) -> Iterator[list[Any]]
             *map(_or_null, own),
             lengths[i],
             *vertices,
-            ewkb_of_line(lines.xyz[first:last], srid),
+            ewkb_of_line(lines.xyz[first:last], srid, distance_along(metres.xyz[first:last])),
         ]
 
 
@@ -114,14 +119,14 @@ def _or_null(value: Any) -> Any:
     return None if value == "" or value != value else value
 
 
-def ewkb_of_line(xyz: FloatArray, srid: int) -> bytes:
-    """Return a line as PostGIS's EWKB with measures.
+def ewkb_of_line(xyz: FloatArray, srid: int, measures: FloatArray) -> bytes:
+    """Return a line as PostGIS's EWKB with measures (n,).
 
-    >>> len(ewkb_of_line(np.zeros((2, 3)), 25832))
+    >>> len(ewkb_of_line(np.zeros((2, 3)), 25832, np.zeros(2)))
     77
     """
     head = struct.pack("<BIII", 1, _EWKB_LINE, srid, len(xyz))
-    return head + np.column_stack([xyz, distance_along(xyz)]).astype("<f8").tobytes()
+    return head + np.column_stack([xyz, measures]).astype("<f8").tobytes()
 
 
 def line_of_ewkb(stored: bytes) -> FloatArray:

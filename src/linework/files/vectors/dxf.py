@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import shapely
 from pyproj.exceptions import CRSError as ProjError
 
 from linework.arrays import FloatArray
-from linework.crs import LOCAL, stated_crs
+from linework.crs import LOCAL, stated_crs, unit_factors
 from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import filled_file_bytes
 from linework.files.vectors.cad_codes import CadCode, codes_of_lines
@@ -30,17 +30,28 @@ with extra_needed("cad"):
     import ezdxf
     from ezdxf.colors import rgb2int
     from ezdxf.filemanagement import new, readfile
+    from ezdxf.math import Vec3
 
 _APP = "LINEWORK"
 #: Red, green and blue, and whether dashed.
 _Look = tuple[tuple[int, int, int], bool]
-#: DXF's codes for metres ($INSUNITS) and for text in extended data.
-_METRES, _STRING = 6, 1000
+#: DXF's code for text in extended data.
+_STRING = 1000
+#: Its codes for units ($INSUNITS), by metres per unit; 0 is none of them.
+_UNITS = {1.0: 6, 0.3048: 2, 1200 / 3937: 21}
 #: Longest text in extended data. [characters]
 _MAX_TEXT = 250
 #: Patterns of paint that have layers of their own, and the line type of dashed ones: a sign, not the measured rhythm,
 #: which the dashes themselves have. [m: whole, dash, gap]
 _PATTERNS = ("solid", "dashed", "solid_solid", "solid_dashed", "dashed_solid", "dashed_dashed")
+#: Entities that are lines, and blocks that hold some; ours are points where poles are.
+_READ = "LINE POLYLINE LWPOLYLINE ARC CIRCLE ELLIPSE SPLINE INSERT POINT"
+#: Curves are read as chords this near to them: less than any line is known to. [unit of the drawing]
+_CHORD = 1e-3
+#: Curves of larger radius have no place on a road: their chords would fill the memory. [unit of the drawing]
+_MAX_RADIUS = 1e6
+#: Blocks in blocks deeper than this, and rows of blocks longer, are damaged.
+_MAX_DEPTH, _MAX_COPIES = 8, 10_000
 _DASHED, _DASHED_PATTERN = "LINEWORK_DASHED", (2.0, 1.0, -1.0)
 
 
@@ -53,7 +64,7 @@ def write_dxf(
     before = options.write_fixed_meta_data_for_testing
     options.write_fixed_meta_data_for_testing = True
     try:
-        document = new("R2010", units=_METRES)
+        document = new("R2010", units=_unit_code(lines.crs))
         document.appids.new(_APP)
         document.linetypes.add(_DASHED, pattern=_DASHED_PATTERN, description="dashed")
         coded = codes_of_lines(lines, codes)
@@ -146,6 +157,11 @@ def verify_dxf(part: Path, lines: LineSet, path: Path, *, codes: Sequence[CadCod
         )
 
 
+def _unit_code(crs: str) -> int:
+    plan_m = unit_factors(crs)[0]
+    return next((code for unit_m, code in _UNITS.items() if abs(plan_m / unit_m - 1.0) < 1e-9), 0)
+
+
 def prj_of(crs: str) -> bytes | None:
     """Return what belongs in the .prj beside a DXF file, where GIS programs look for the CRS: WKT, or None for "local"."""
     if crs == LOCAL:
@@ -160,9 +176,10 @@ def prj_of(crs: str) -> bytes | None:
 def read_dxf(
     path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None, left_out: list[str]
 ) -> LineSet:
-    """Read the lines, polylines and lightweight polylines of a DXF file, and our own poles; the kind of a line is its layer.
+    """Read the lines, polylines and curves of a DXF file, those in blocks too, and our own poles.
 
-    Those that cannot be read are added to `left_out`.
+    The kind of a line is its layer. Curves are chords that are nearer than a millimetre (of drawings in metres). Those that
+    cannot be read are added to `left_out`.
 
     Raises
     ------
@@ -171,15 +188,19 @@ def read_dxf(
     """
     shapes, tables, places = [], [], []
     with _drawing_errors(path):
-        for entity in readfile(path).modelspace().query("LINE POLYLINE LWPOLYLINE POINT"):
+        for entity, layer in _entities(readfile(path).modelspace().query(_READ), left_out):
             is_pole = entity.dxftype() == "POINT" and _own_fields(entity).get("kind") == POLE
+            place = f"{entity.dxftype()} {entity.dxf.handle or 'of a block'} on layer {layer}"
             vertices = np.array([tuple(entity.dxf.location)]) if is_pole else _vertices(entity)
+            if isinstance(vertices, str):
+                left_out.append(f"{place}: {vertices}")
+                continue
             if len(vertices) < 2 and not is_pole:
                 continue
             with np.errstate(invalid="ignore"):
                 shapes.append(shapely.points(vertices[0]) if is_pole else shapely.linestrings(vertices))
-            places.append(f"{entity.dxftype()} {entity.dxf.handle} on layer {entity.dxf.layer}")
-            tables.append({"layer": entity.dxf.layer} | _own_fields(entity))
+            places.append(place)
+            tables.append({"layer": layer} | _own_fields(entity))
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
@@ -213,17 +234,94 @@ def _drawing_errors(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _vertices(entity: Any) -> FloatArray:
+def _entities(
+    listed: Iterable[Any], left_out: list[str], layer: str = "0", depth: int = 0
+) -> Iterator[tuple[Any, str]]:
+    """Yield entities with their layers, those of blocks at their places; on layer 0 they are on that of the block."""
+    for entity in listed:
+        own = entity.dxf.layer if entity.dxf.layer != "0" or depth == 0 else layer
+        if entity.dxftype() != "INSERT":
+            yield entity, own
+            continue
+        place = f"block {entity.dxf.name} on layer {own}"
+        if depth >= _MAX_DEPTH or entity.mcount > _MAX_COPIES:
+            left_out.append(
+                f"{place}: more than {_MAX_DEPTH} blocks in each other, or {_MAX_COPIES:,} beside each other"
+            )
+            continue
+        for one in entity.multi_insert() if entity.mcount > 1 else (entity,):
+            inner = (e for e in one.virtual_entities() if e.dxftype() in _READ.split())
+            yield from _entities(inner, left_out, own, depth + 1)
+
+
+def _vertices(entity: Any) -> FloatArray | str:
+    """Return the vertices (n, 3) of an entity in the world, or what cannot be read."""
     kind = entity.dxftype()
     if kind == "POINT":
         return np.zeros((0, 3))
     if kind == "LINE":
         points = [tuple(entity.dxf.start), tuple(entity.dxf.end)]
-    elif kind == "LWPOLYLINE":
-        points = [(x, y, entity.dxf.elevation) for x, y in entity.get_points("xy")]
-    else:
+    elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        return "a mesh is not read"
+    elif kind == "POLYLINE" and entity.is_3d_polyline:
         points = [tuple(vertex.dxf.location) for vertex in entity.vertices]
+        points += points[:1] if entity.is_closed else []
+    elif kind in ("LWPOLYLINE", "POLYLINE") and not entity.has_arc:
+        points = [tuple(vertex) for vertex in _flat_vertices(entity)]
+        points += points[:1] if entity.is_closed else []
+    else:
+        if _largest_radius(entity) > _MAX_RADIUS:
+            return f"a curve with a radius of more than {_MAX_RADIUS:g}"
+        points = (
+            _round(entity)
+            if kind in ("LWPOLYLINE", "POLYLINE")
+            else [tuple(p) for p in entity.flattening(_CHORD)]
+        )
     return np.array(points, dtype=np.float64).reshape(-1, 3)
+
+
+def _flat_vertices(entity: Any) -> Iterable[Any]:
+    """Return the vertices in the world of a polyline that is drawn in a plane."""
+    # Of a drawing that is seen from above they are what they are
+    corners = _corners(entity)
+    return corners if tuple(entity.dxf.extrusion) == (0.0, 0.0, 1.0) else entity.ocs().points_to_wcs(corners)
+
+
+def _corners(entity: Any) -> list[Any]:
+    """Return the vertices of a polyline in its plane, with its height."""
+    if entity.dxftype() == "LWPOLYLINE":
+        return [Vec3(x, y, entity.dxf.elevation) for x, y in entity.get_points("xy")]
+    up = entity.dxf.elevation.z if entity.dxf.hasattr("elevation") else None
+    places = [vertex.dxf.location for vertex in entity.vertices]
+    return places if up is None else [Vec3(place.x, place.y, up) for place in places]
+
+
+def _round(entity: Any) -> list[tuple[float, ...]]:
+    """Return the places of a polyline with arcs, piece by piece."""
+    found: list[tuple[float, ...]] = []
+    for piece in entity.virtual_entities():
+        is_arc = piece.dxftype() == "ARC"
+        places = [
+            tuple(p) for p in (piece.flattening(_CHORD) if is_arc else (piece.dxf.start, piece.dxf.end))
+        ]
+        # Arcs go against the clock, whichever way the line goes
+        start = found[-1] if found else tuple(next(iter(entity.ocs().points_to_wcs(_corners(entity)[:1]))))
+        if math.dist(places[-1], start) < math.dist(places[0], start):
+            places.reverse()
+        found += places[1:] if found else places
+    return found
+
+
+def _largest_radius(entity: Any) -> float:
+    kind = entity.dxftype()
+    if kind in ("ARC", "CIRCLE"):
+        return abs(float(entity.dxf.radius))
+    if kind == "ELLIPSE":
+        return float(entity.dxf.major_axis.magnitude)
+    places: Any = entity.control_points if kind == "SPLINE" else list(_flat_vertices(entity))
+    places = np.array([tuple(place) for place in places], dtype=np.float64).reshape(-1, 3)
+    # An arc between two places is at most half a circle wider than they are apart
+    return float(np.ptp(places, axis=0).max()) if len(places) else 0.0
 
 
 def _own_fields(entity: Any) -> dict[str, str]:

@@ -133,6 +133,21 @@ def check_writable(lines: LineSet, where: object) -> None:
                          advice="leave such lines out")  # fmt: skip
 
 
+def lines_with_heights(lines: LineSet) -> tuple[LineSet, str]:
+    """Return the lines whose vertices all have heights, and what was left out, "" for none; all, where none has.
+
+    Drawings and maps of others hold flat lines beside others; no format here does.
+    """
+    flat = np.zeros(len(lines), dtype=bool)
+    flat[lines.line_of_vertex[~np.isfinite(lines.xyz[:, 2])]] = True
+    if not flat.any() or flat.all():
+        return lines, ""
+    return (
+        lines.take(~flat),
+        f"left out {np.count_nonzero(flat):,} of {len(lines):,} lines without heights (the first is line {int(np.flatnonzero(flat)[0])})",
+    )
+
+
 def layer_names(lines: LineSet) -> AnyArray:
     """Return the layer of each line: that of its kind (see `layer_name`), or `REJECTED_LAYER`."""
     pairs = zip(lines.kind.tolist(), (lines.review == "rejected").tolist(), strict=True)

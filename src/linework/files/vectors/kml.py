@@ -16,6 +16,7 @@ from linework.crs import LOCAL, describe_crs, horizontal_part
 from linework.errors import CrsError, MachineError
 from linework.files.vectors.fields import colour_of, layer_names, ordered_layers
 from linework.files.vectors.pole_points import is_point
+from linework.lines.units import in_metres
 from linework.model.lines import LineSet
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
@@ -62,6 +63,7 @@ def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
 
 def _in_degrees(lines: LineSet, where: Path) -> FloatArray:
     """Return (n, 3) longitude, latitude [deg], height [m]."""
+    lines = in_metres(lines)
     if lines.crs == LOCAL:
         raise CrsError("KML needs georeferenced lines, these are local", where=where,
                        advice="write .gpkg, .geojson or .dxf")  # fmt: skip

@@ -5,6 +5,7 @@ Beside `linework.lines.lanes`, which finds them: here is which formats hold them
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from linework.arrays import AnyArray
 from linework.errors import UsageError, argument
 from linework.lines.lanes import Lanes, find_lanes
+from linework.lines.units import in_metres, in_units_of, unit_scale
 from linework.model.lines import LineSet
 
 #: Formats that hold lanes: as a layer of centrelines, as lanelets, and as lanes of roads.
@@ -61,8 +63,20 @@ def lane_options(lines: LineSet, path: Path, *, lanes: bool, location: str) -> d
         return {}
     suffix = path.suffix.lower()
     if suffix in _LAYERS:
-        return {"lanes": find_lanes(lines.take(lines.review != "rejected"))}
+        return {"lanes": _lanes_in_units(lines.take(lines.review != "rejected"))}
     return {"location": location} if suffix == LANELETS else {"lanes": True}
+
+
+def _lanes_in_units(lines: LineSet) -> Lanes:
+    """Return the lanes with places in the units of the lines' CRS; widths and lengths are in metres."""
+    found = find_lanes(in_metres(lines))
+    scale = unit_scale(lines.crs)
+    return replace(
+        found,
+        centre=in_units_of(found.centre, lines.crs),
+        left_xyz=found.left_xyz / scale,
+        right_xyz=found.right_xyz / scale,
+    )
 
 
 def lane_fields(lanes: Lanes) -> dict[str, AnyArray]:
@@ -70,7 +84,7 @@ def lane_fields(lanes: Lanes) -> dict[str, AnyArray]:
     found = {
         "id": lanes.centre.id, "left_id": lanes.left_id, "right_id": lanes.right_id, "next_id": lanes.next_id,
         "width_m": lanes.width_m, "width_min_m": lanes.width_min_m, "width_max_m": lanes.width_max_m,
-        "sigma_width_m": lanes.sigma_width_m, "length_m": lanes.centre.length_m,
+        "sigma_width_m": lanes.sigma_width_m, "length_m": in_metres(lanes.centre).length_m,
         "measured_share": lanes.measured_share, "confidence": lanes.centre.confidence,
     }  # fmt: skip
     return {

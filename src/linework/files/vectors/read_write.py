@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.crs import LOCAL, describe_crs, parse_crs, same_plan
+from linework.crs import LOCAL, describe_crs, metric_twin, parse_crs, same_plan
 from linework.errors import CrsError, LineworkWarning, UsageError, argument, check_extra, printable
 from linework.files.output.inputs import check_not_read
 from linework.files.output.publish import FileBeside, check_output, publish
@@ -23,6 +23,7 @@ from linework.files.vectors.left_out import left_out_text
 from linework.files.vectors.point_layers import PointLayer, point_layers
 from linework.files.vectors.pole_points import points_last
 from linework.lines.names import with_ids
+from linework.lines.units import in_units_of
 from linework.model.lines import LineSet
 from linework.model.logs import VanLog
 
@@ -282,12 +283,17 @@ def read_usable_lines(
 
 
 def _in_crs(found: LineSet, given: str | None, path: Path) -> LineSet:
-    """Return lines in the CRS that their file states, or else in the given one; both must agree."""
+    """Return lines in the CRS that their file states, or else in the given one; both must agree.
+
+    Maps are read in metres. A given CRS in feet is that of the lines then, too.
+    """
     if given in (None, found.crs):
         return found
     if found.crs == LOCAL:
         return found.with_columns(crs=given)
-    if given is not None and not same_plan(found.crs, given):
+    if given != metric_twin(given) and found.crs == metric_twin(given):
+        return in_units_of(found, given)
+    if not (same_plan(found.crs, given) or same_plan(found.crs, metric_twin(given))):
         raise CrsError(
             f"two different CRSs: the file says {describe_crs(found.crs)}, {argument('crs')} says {describe_crs(given)}",
             where=path, advice=f"leave {argument('crs')} out, or correct what the file states",

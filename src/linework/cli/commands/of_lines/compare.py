@@ -62,6 +62,7 @@ def compare_command(
     from linework.files.maps.row_tables import write_rows
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.read_write import read_usable_lines
+    from linework.lines.units import in_metres
 
     suffix = output.suffix.lower()
     if suffix not in (".gpkg", ".csv", ".xlsx"):
@@ -83,6 +84,7 @@ def compare_command(
         before, after = (read_usable_lines(path, crs=crs) for path in (old, new))
         for left_out in filter(None, (before[1], after[1])):
             warn(left_out)
+        before, after = ((in_metres(found), left_out) for found, left_out in (before, after))
         check_same_crs(before[0], after[0])
         paint, known_m = None, 0.0
         if old_survey and new_survey:

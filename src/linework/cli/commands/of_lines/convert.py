@@ -59,6 +59,7 @@ def convert(
     from linework.errors import PartialError, UsageError, argument
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.cad_codes import codes_of_lines, read_cad_codes
+    from linework.files.vectors.fields import lines_with_heights
     from linework.files.vectors.lane_layer import check_lanes
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import (
@@ -70,6 +71,7 @@ def convert(
         write_lines,
     )
     from linework.lines.doubles import merged_doubles
+    from linework.lines.units import in_metres, in_units_of
 
     check_lanes(output, lanes=lanes, location=location)
     if output.suffix.lower() == ".qgz":
@@ -97,8 +99,10 @@ def convert(
     with reserve_output(output, overwrite=overwrite, inputs=[lines, codes]):
         table = read_cad_codes(codes) if codes is not None else ()
         found, left_out = read_usable_lines(lines, crs=crs)
+        found, flat = lines_with_heights(found)
+        left_out = "; ".join(filter(None, (left_out, f"{lines}: {flat}" if flat else "")))
         if merge_doubles:
-            found = merged_doubles(found).lines
+            found = in_units_of(merged_doubles(in_metres(found)).lines, found.crs)
         points = read_point_layers(lines)
         write_lines(
             found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite, heights=heights,

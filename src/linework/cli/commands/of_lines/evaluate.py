@@ -132,9 +132,11 @@ def _read(
 
     from linework.errors import InputError
     from linework.files.vectors.read_write import read_usable_lines
+    from linework.lines.units import in_metres
 
     lines, problem = read_usable_lines(path, crs=crs)
     left_out += [problem] if problem else []
+    lines = in_metres(lines)
     if kind_field == "kind" and not names:
         return lines
     own = lines.kind

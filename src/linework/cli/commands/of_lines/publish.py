@@ -47,6 +47,7 @@ def publish_command(
     import dataclasses
 
     from linework.errors import PartialError, UsageError, check_extra
+    from linework.files.vectors.fields import lines_with_heights
     from linework.files.vectors.read_write import read_usable_lines
 
     check_extra("postgis", where="DATABASE")
@@ -61,17 +62,21 @@ def publish_command(
         )
     address = database_address(database, schema=schema)
     found, left_out = read_usable_lines(lines, crs=crs)
+    found, flat = lines_with_heights(found)
+    left_out = "; ".join(filter(None, (left_out, f"{lines}: {flat}" if flat else "")))
     name = survey or lines.stem
     paint = None
     if points:
         from linework.cli.commands.of_lines.paint import paint_of_survey
         from linework.evaluation.chainage.paint_along import paint_stretches
+        from linework.lines.units import in_metres
 
+        measured = in_metres(found)
         pieces = paint_of_survey(
-            found, points, ("points",), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work,
+            measured, points, ("points",), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work,
             quiet=quiet,
         )  # fmt: skip
-        paint = paint_stretches(found, pieces)
+        paint = paint_stretches(measured, pieces)
     done = publish_lines(found, address, name, source=str(lines), paint=paint)
     if as_json:
         say_json(dataclasses.asdict(done))

@@ -64,6 +64,7 @@ def report_command(
     from linework.files.output.locks import reserve_output
     from linework.files.output.publish import write_page
     from linework.files.vectors.read_write import read_usable_lines
+    from linework.lines.units import in_metres
 
     suffix = output.suffix.lower()
     if suffix not in (".html", ".xlsx", ".csv", ".gpkg"):
@@ -80,8 +81,9 @@ def report_command(
         found, left_out = read_usable_lines(lines, crs=crs)
         if left_out:
             warn(left_out)
+        found = in_metres(found)
         if route is not None:
-            axes, named = routes_of_file(read_usable_lines(route, crs=found.crs)[0]), str(route)
+            axes, named = routes_of_file(in_metres(read_usable_lines(route, crs=found.crs)[0])), str(route)
         elif trajectory is not None:
             from linework.library.read import read_trajectory
 
