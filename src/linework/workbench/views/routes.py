@@ -163,7 +163,7 @@ async def get_snapped(
     reach_m: Annotated[float, Query(gt=0.0, le=FARTHEST_SNAP_M, allow_inf_nan=False)],
     heading_deg: Annotated[float | None, Query(ge=-720.0, le=720.0, allow_inf_nan=False)] = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the place on the edge near a place, for a line of a kind; `found` is null where none is seen."""
+    """Return the place on the edge near a place, for a line of a kind; `found` is null where none is visible."""
     found = await app_state.pictures.ask(snapped_place, kind, (east, north), reach_m, heading_deg)
     return {"found": found}
 

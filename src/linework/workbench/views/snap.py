@@ -68,7 +68,7 @@ class _Edge:
 def snapped_place(
     session: SurveySession, kind: str, place: tuple[float, float], reach_m: float, heading_deg: float | None
 ) -> dict[str, Any] | None:
-    """Return the place on the edge near a place, or None where no edge is seen within reach.
+    """Return the place on the edge near a place, or None where no edge is visible within reach.
 
     Parameters
     ----------
