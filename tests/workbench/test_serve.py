@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import shutil
@@ -9,14 +10,20 @@ import signal
 import socket
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from tests.conftest import road_points
 from tests.workbench.serve_process import Served, served_survey, wait_until
 
+from linework.cli.commands.serve import serve
 from linework.files.las.write import write_las
 from linework.files.vectors.read_write import read_lines
+from linework.library.progress import open_display
+from linework.workbench.server.serve import RunningServer, run_server
+from linework.workbench.worker.conversation import start_worker_process
+from linework.workbench.worker.session import SurveyOrder
 
 
 def children(pid: int) -> list[int]:
@@ -186,6 +193,39 @@ def test_ends_while_it_opens(made_drive, tmp_path):
     assert out == ""
     assert err.splitlines()[-1].startswith(("stopped", "interrupted"))
     wait_until(lambda: not any(is_running(pid) for pid in at_work))
+
+
+def test_a_process_that_was_started_ends_whatever_fails_before_it_is_used(made_drive, monkeypatch):
+    """Signals cannot be handled in a thread other than the first: the server fails before it opens anything."""
+    process = start_worker_process()
+    order = SurveyOrder((made_drive,))
+    with open_display(quiet=True) as display:
+        serving = RunningServer(
+            order=order, lines=None, process=process, port=0, who="", watcher=display, ready=print, renewed=print,
+            save_log=print,
+        )  # fmt: skip
+        with (
+            ThreadPoolExecutor(1) as pool,
+            pytest.raises(ValueError, match="signal only works in main thread"),
+        ):
+            pool.submit(asyncio.run, run_server(serving)).result()
+    assert not is_running(process.pid)
+    # Nor is there a moment between the command, which starts it, and the server
+    process = start_worker_process()
+    monkeypatch.setattr("linework.workbench.worker.conversation.start_worker_process", lambda: process)
+    monkeypatch.setattr("linework.runs.compile.compile_stage", lambda *_: None)
+    monkeypatch.setattr(asyncio, "run", cannot_run)
+    try:
+        with pytest.raises(OSError, match="too many open files"):
+            serve([made_drive], no_browser=True, quiet=True)
+        assert not is_running(process.pid)
+    finally:
+        process.end()
+
+
+def cannot_run(coroutine):
+    coroutine.close()
+    raise OSError("too many open files")
 
 
 def test_killed_it_leaves_no_process(served_alone):

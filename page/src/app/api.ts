@@ -2,7 +2,7 @@
 
 import type {
   AlikeLines, Changed, Edit, EditRecord, Evidence, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair,
-  PairLines, Place, Problem, QueueItem, SearchArea, Survey, Template,
+  PairLines, Place, Problem, QueueItem, SearchArea, Snapped, Survey, Template,
 } from "./documents";
 
 export class ProblemError extends Error {
@@ -56,6 +56,11 @@ export const heights = (kind: string, places: Place[]) =>
 
 export const searchArea = ([east, north]: Place) =>
   getJson<SearchArea>(`/api/search-area?east=${east}&north=${north}`);
+
+export const snap = (kind: string, [east, north]: Place, reach_m: number, heading_deg: number | null) =>
+  getJson<{ found: Snapped | null }>(
+    `/api/snap?kind=${encodeURIComponent(kind)}&east=${east}&north=${north}&reach_m=${reach_m}${heading_deg === null ? "" : `&heading_deg=${heading_deg}`}`,
+  );
 
 // `version` makes another address: a browser shows an image that it already shows again without asking for it
 export const tileUrl = (image: string, z: number, col: number, row: number, version: number) =>

@@ -69,6 +69,15 @@ export interface Survey {
 }
 
 // What the search area about a place shows
+// The edge that a place drawn by hand snaps to
+export interface Snapped {
+  at: Place;
+  up: number;
+  sigma_m: number;
+  edge: "foot" | "top" | "break" | "shade" | "stripe" | "rail" | "wire";
+  heading_deg: number;
+}
+
 export interface SearchArea {
   points: number;
   upright_normals: number;

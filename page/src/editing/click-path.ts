@@ -39,6 +39,12 @@ export class ClickPath {
     this.drawTo(null);
   }
 
+  // Another place for a vertex, if it is still there
+  replace(old: Place, place: Place): void {
+    this.places = this.places.map((one) => (one === old ? place : one));
+    this.drawTo(null);
+  }
+
   removeLast(): void {
     this.places = this.places.slice(0, -1);
     this.drawTo(null);

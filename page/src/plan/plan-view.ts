@@ -47,13 +47,14 @@ export class PlanView implements Pane {
     const path = vehiclePath(app.survey.path);
     this.lines = new LineLayer(app);
     this.measuring = new Measuring(app);
-    this.drawing = new Drawing(app);
+    this.drawing = new Drawing(app, () => this.map.getView().getResolution() ?? 1);
     this.selecting = new Selecting(app, this.map, this.lines);
     const editing = new VertexEditing(app, this.map);
     const marks = new MarkLayer(app);
     for (const layer of [
       image.layer, path, this.lines.bands, this.lines.layer, marks.layer, new GrowthLayer(app, this.map).layer,
       editing.layer, this.measuring.path.layer, this.drawing.path.layer,
+      this.drawing.snapping.layer,
     ]) this.map.addLayer(layer);
     this.commands = lineCommands(app, editing, () => this.cursor);
     this.element.append(
@@ -108,7 +109,7 @@ export class PlanView implements Pane {
     map.on("click", (event) => this.clicked(event));
     // The browser's event: OpenLayers takes any two clicks within 250 ms for a double-click, wherever they are
     this.target.addEventListener("dblclick", () => void (app.tool === "draw" && this.drawing.doubleClick()));
-    map.on("pointermove", (event) => this.moved(placeOf(event.coordinate)));
+    map.on("pointermove", (event) => this.moved(placeOf(event.coordinate), event.originalEvent.altKey));
     this.target.addEventListener("pointerleave", () => this.left());
     app.on("reverted", (lines) => {
       const [west = 0, south = 0, east = 0, north = 0] = map.getView().calculateExtent(map.getSize());
@@ -153,27 +154,28 @@ export class PlanView implements Pane {
 
   private clicked(event: MapBrowserEvent): void {
     this.target.focus({ preventScroll: true });
-    this.click(placeOf(event.coordinate), event.originalEvent.shiftKey);
+    this.click(placeOf(event.coordinate), event.originalEvent.shiftKey, event.originalEvent.altKey);
   }
 
-  private click(place: Place, withShift: boolean): void {
+  private click(place: Place, withShift: boolean, withAlt = false): void {
     const { app } = this;
     if (app.tool === "select") this.selecting.click(place, withShift);
     if (app.tool === "follow") void app.following.click(place);
-    if (app.tool === "draw") this.drawing.click(place);
+    if (app.tool === "draw") this.drawing.click(place, withAlt);
     if (app.tool === "measure") void this.measuring.click(place);
     app.emit("look", { at: place, by: "plan" });
   }
 
-  private moved(at: Place): void {
+  private moved(at: Place, withAlt = false): void {
     this.cursor = at;
     if (this.app.tool === "measure") this.measuring.path.hover(at);
-    if (this.app.tool === "draw") this.drawing.path.hover(at);
+    if (this.app.tool === "draw") this.drawing.hover(at, withAlt);
     this.app.emit("cursor", { at, by: "plan" });
   }
 
   private left(): void {
     this.cursor = null;
+    this.drawing.snapping.show(null);
     this.app.emit("cursor", null);
   }
 

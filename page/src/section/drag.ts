@@ -48,6 +48,11 @@ export class SectionDrag {
     return null;
   }
 
+  // Puts the dragged node onto an edge
+  put(x: number, z: number): void {
+    if (this.drag?.what === "node") Object.assign(this.drag, { x, z });
+  }
+
   get isActive(): boolean {
     return this.drag !== null;
   }

@@ -10,6 +10,7 @@ import { Bar } from "../controls/bar";
 import { element } from "../controls/element";
 import { brightened, type Colouring, COLOURINGS } from "../controls/colours";
 import { nodeAt, sameNode, SectionDrag } from "./drag";
+import { EdgeSnap } from "./edge-snap";
 import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./rendering";
 import { nodesIn, type SectionNode } from "./nodes";
 import { readingsOf, sectionTable } from "./readings";
@@ -35,6 +36,7 @@ export class SectionView implements Pane {
   private readonly shown: Visibility;
   private readonly loading = new LatestTask();
   private readonly drag = new SectionDrag();
+  private readonly edge = new EdgeSnap();
   private readonly maker: TemplateMaker;
   private station: Station;
   private points: api.Points | null = null;
@@ -182,6 +184,8 @@ export class SectionView implements Pane {
     const context = this.sized(frame);
     drawSection(context, frame, this.points, this.colouring, this.app.survey.heights, handles);
     this.maker.draw(context, frame);
+    this.edge.draw(context, frame);
+    this.canvas.dataset["snap"] = this.edge.title;
     this.table.hidden = this.maker.isActive;
     // For scripts and tests: where the nodes are drawn
     const places = nodes.map(({ line, vertex, x, z }) => ({ id: line.id, kind: line.kind, vertex, px: frame.toPx(x, z) }));
@@ -231,10 +235,23 @@ export class SectionView implements Pane {
     }
     if (!this.drag.isActive) return;
     this.centre = this.drag.move(this.frame(), this.at(event), this.points, event.shiftKey) ?? this.centre;
+    this.edge.clear();
+    if (event.shiftKey) this.snap();
     this.draw();
   }
 
+  // With Shift: onto the edge near the node; where none is seen it stays at the nearest point
+  private snap(): void {
+    const { node } = this.drag;
+    if (!node) return;
+    this.edge.seek(node.line.kind, this.station, node.x, (x, z) => {
+      this.drag.put(x, z);
+      this.draw();
+    });
+  }
+
   private async release(): Promise<void> {
+    await this.edge.settled();
     const { node } = this.drag;
     const edit = this.drag.edit(this.station);
     if (edit) await this.app.change(edit);
@@ -243,6 +260,7 @@ export class SectionView implements Pane {
   }
 
   private drop(): void {
+    this.edge.clear();
     this.drag.end();
     this.draw();
   }

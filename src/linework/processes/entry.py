@@ -6,6 +6,7 @@ in the child and must import next to nothing before the limits hold.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import sys
 
@@ -29,7 +30,12 @@ def child_main(arguments: list[str]) -> None:
     connected = connect_to_parent(address)
     watch_parent(connected)
     module, _, function = target.partition(":")
-    getattr(importlib.import_module(module), function)(Channel(connected), rest)
+    # The collector finds nothing in modules that are being imported, and takes a tenth of the time (0.2 of 1.7 s)
+    gc.disable()
+    called = getattr(importlib.import_module(module), function)
+    gc.freeze()
+    gc.enable()
+    called(Channel(connected), rest)
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from linework.cli.options import (
     read_settings,
 )
 from linework.cli.said import say, say_json
+from linework.cli.startup import without_collector
 from linework.processes.forced_end import removed_if_forced
 
 if TYPE_CHECKING:
@@ -85,14 +86,15 @@ def serve(
 
         # Before the imports below, which take as long as those of the process
         process = start_worker_process()
-        not_taken_over = held.enter_context(contextlib.ExitStack())
-        not_taken_over.callback(process.end)
-        from linework.methods.kinds import ALL_KINDS
-        from linework.runs.compile import compile_stage
-        from linework.runs.opened.store import usable_cores
-        from linework.runs.steps import RunSteps
-        from linework.workbench.server.serve import RunningServer, run_server
-        from linework.workbench.worker.session import SurveyOrder
+        # Whatever fails, and whoever else ends it; its socket is left to who reads it
+        held.callback(process.kill)
+        with without_collector():
+            from linework.methods.kinds import ALL_KINDS
+            from linework.runs.compile import compile_stage
+            from linework.runs.opened.store import usable_cores
+            from linework.runs.steps import RunSteps
+            from linework.workbench.server.serve import RunningServer, run_server
+            from linework.workbench.worker.session import SurveyOrder
 
         compile_stage((*ALL_KINDS, "stereo"), RunSteps(display))
 
@@ -117,7 +119,6 @@ def serve(
             order=order, lines=lines, process=process, port=port, who=who or _user(), watcher=display,
             ready=ready, renewed=renewed, save_log=log,
         )  # fmt: skip
-        not_taken_over.pop_all()
         number = asyncio.run(run_server(serving))
     raise Interrupted(number, "stopped: all changes are saved")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -59,10 +60,7 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
     Checked pairs are equally spaced. Where one fails, all pairs between the nearest good ones are doubtful. Images that
     cannot be read are skipped here and reported when they are used.
     """
-    # Without the first and last pair, which have only one neighbour
-    inner = (1, len(series.pairs) - 2) if len(series.pairs) >= 3 else (0, len(series.pairs) - 1)
-    places = np.unique(np.linspace(*inner, N_LOOKED_AT).round().astype(int)).tolist()
-    fits = {i: {k: _fit(series, rectifier, i, k) for k in (0, -1, 1)} for i in places}
+    fits = {i: {k: _fit(series, rectifier, i, k) for k in (0, -1, 1)} for i in _places(series)}
     known = {i: fit for i, fit in fits.items() if fit[0] is not None and fit[0].is_known}
     own = [fit[0] for fit in known.values() if fit[0] is not None]
     if not own:
@@ -92,6 +90,21 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
         warnings.append(f"rows of left and right images differ by {error:.1f} pixels (median); with a good calibration "
                         f"it is less than {_WARN_ERROR_PX:g}")  # fmt: skip
     return PairCheck(len(known), error, _around(series, off, list(known)), tuple(warnings))
+
+
+def images_checked(series: StereoSeries) -> list[Path]:
+    """Return the images that `check_pairs` looks at."""
+    pairs, places = series.pairs, _places(series)
+    right = sorted({k for i in places for k in (i - 1, i, i + 1) if 0 <= k < len(pairs)})
+    return [*(pairs[i].left for i in places), *(pairs[i].right for i in right)]
+
+
+def _places(series: StereoSeries) -> list[int]:
+    """Return the places in the series of the pairs that are checked."""
+    # Without the first and last pair, which have only one neighbour
+    inner = (1, len(series.pairs) - 2) if len(series.pairs) >= 3 else (0, len(series.pairs) - 1)
+    found: list[int] = np.unique(np.linspace(*inner, N_LOOKED_AT).round().astype(int)).tolist()
+    return found
 
 
 def _fit(series: StereoSeries, rectifier: Rectifier, i: int, shift: int) -> RowFit | None:

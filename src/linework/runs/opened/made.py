@@ -30,7 +30,7 @@ _HEAD = "# Made by linework, and removed by `linework clean`. What is not listed
 #: stay. Lines lie in a folder of their own while a job of the workbench makes them.
 _FILES = re.compile(
     r"\d+\.points|runs\.npy|(store|surface|run)\.json|[\w.+-]+\.arrays|surface-[\w.+-]+\.lock|journal\.sqlite|live\.jsonl"
-    r"|(given|located)-[0-9a-f]{16}\.csv|\.[\w.+-]+\.part(\.\w+)?"
+    r"|(given|located)-[0-9a-f]{16}\.csv|pairs-[0-9a-f]{16}\.json|\.[\w.+-]+\.part(\.\w+)?"
 )
 _JOB_FOLDER, _JOB_FILES = "runs/workbench-", re.compile(r"\.?lines\.([\w.-]*\.)?gpkg(\.run\.json|\.lock)?")
 _ELSEWHERE = f"move it away, or name another folder with {argument('work')}"

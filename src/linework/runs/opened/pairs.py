@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.errors import InputError
-from linework.files.images.pair_check import check_pairs
+from linework.errors import InputError, MachineError, OutputExistsError
+from linework.files.images.pair_check import PairCheck, check_pairs, images_checked
 from linework.files.images.read import read_pair
+from linework.files.output.publish import write_bytes
 from linework.files.output.record import hash_file
 from linework.imaging.rectify import Rectifier, rectifier_of
 from linework.model.images import ImagePair, Poses, RectifiedPair, StereoSeries
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.poses import poses_at
+from linework.processes.identity import identity_of
+from linework.runs.opened.made import STORES, claim
+from linework.runs.resume import source_hash
 
 #: Longest time between two poses that are interpolated: a van that brakes at 3 m/s2 is then half a metre from the
 #: interpolated position. [s]
@@ -71,8 +78,13 @@ class OpenedStereo:
             raise InputError(f"there is no pair {number}", where=self.survey.name)
         return rectified_pair(found, self.series, self.rectifier)
 
-    def checked(self) -> OpenedStereo:
+    def checked(self, work: Path) -> OpenedStereo:
         """Return the survey without pairs whose images do not belong together (see `check_pairs`).
+
+        Parameters
+        ----------
+        work
+            The work folder: what was found is kept there, as long as images, cameras and times stay the same.
 
         Raises
         ------
@@ -80,7 +92,7 @@ class OpenedStereo:
             None belongs together.
         """
         where = self.survey.settings_file or self.survey.root
-        check = check_pairs(self.series, self.rectifier, where=where)
+        check = _kept_check(work, self.series, lambda: check_pairs(self.series, self.rectifier, where=where))
         doubtful = set(check.doubtful)
         kept = [i for i, pair in enumerate(self.pairs) if pair.number not in doubtful]
         left_out = [pair for pair in self.pairs if pair.number in doubtful]
@@ -103,6 +115,39 @@ class OpenedStereo:
                 except (InputError, OSError):
                     continue  # reported when the pair is looked at
         return found
+
+
+def _kept_check(work: Path, series: StereoSeries, check: Callable[[], PairCheck]) -> PairCheck:
+    """Return the check of a series as it was kept in the work folder, or make and keep it: it takes a second.
+
+    Where nothing can be kept, it is made each time.
+    """
+    name = f"{STORES}/pairs-{_check_key(series)}.json"
+    path = work / name
+    with contextlib.suppress(OSError, ValueError, TypeError):
+        kept = json.loads(path.read_bytes())
+        return PairCheck(
+            int(kept["n_looked_at"]),
+            float(kept["error_px"]),
+            tuple(kept["doubtful"]),
+            tuple(kept["warnings"]),
+        )
+    found = check()
+    with contextlib.suppress(MachineError, OutputExistsError):
+        claim(work, name)
+        write_bytes(json.dumps(asdict(found)).encode(), path, overwrite=True)
+    return found
+
+
+def _check_key(series: StereoSeries) -> str:
+    """Return what the check depends on, hashed: the images looked at, cameras, times, and the code."""
+    total = hashlib.sha256(source_hash("imaging", "files/images").encode())
+    total.update(f"{identity_of(series.rig)} {series.pairs!r}".encode())
+    for path in images_checked(series):
+        # One that cannot be read is reported when it is used
+        with contextlib.suppress(InputError, OSError):
+            total.update(hash_file(path).encode())
+    return total.hexdigest()[:16]
 
 
 def rectified_pair(pair: ImagePair, series: StereoSeries, rectifier: Rectifier) -> RectifiedPair:

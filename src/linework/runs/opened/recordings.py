@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -58,6 +59,26 @@ def tried(
         return Opened(name, error=error)
 
 
+class FileHashes(Mapping[Path, str]):
+    """Hashes of files, made when the first is asked for."""
+
+    def __init__(self, make: Callable[[], dict[Path, str]]) -> None:
+        self._make = make
+
+    @cached_property
+    def _made(self) -> dict[Path, str]:
+        return self._make()
+
+    def __getitem__(self, path: Path) -> str:
+        return self._made[path]
+
+    def __iter__(self) -> Iterator[Path]:
+        return iter(self._made)
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recordings:
     """The opened recordings of a survey.
@@ -73,7 +94,8 @@ class Recordings:
     problems
         (what, problem) of recordings that cannot be used at all although others can.
     hashes
-        SHA-256 of every input file that can be read.
+        SHA-256 of every input file that can be read, made when they are first asked for: runs record them, the
+        workbench only opens the files.
     """
 
     survey: Survey
@@ -163,7 +185,7 @@ def opened_recordings(
             points = tried(points.name, lambda: held.enter_context(files), (InputError,))
         if wants_pairs:
             faults = (InputError, ConfigError, MissingPackageError)
-            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps), faults)
+            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, work, steps), faults)
         if images and survey.single_cameras:
             messages += no_pairs_message(survey)
             cameras = tried(cameras.name, lambda: open_single_cameras(survey))
@@ -181,7 +203,7 @@ def opened_recordings(
             single=single,
             messages=messages,
             problems=tuple((one.name, str(one.error)) for one in (logs, points, pairs, cameras) if one.error),
-            hashes=_hashes(found, points.value, pairs.value),
+            hashes=FileHashes(lambda: _hashes(found, points.value, pairs.value)),
         )
 
 
@@ -225,7 +247,7 @@ def _hashes(survey: Survey, points: OpenedSurvey | None, stereo: OpenedStereo | 
     return hashes
 
 
-def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps) -> OpenedStereo:
+def _opened_stereo(survey: Survey, points: OpenedSurvey | None, work: Path, steps: RunSteps) -> OpenedStereo:
     """Return the stereo pairs with their poses, on the trajectory of the points where there are any."""
     check_extra("stereo")
     series = open_stereo(survey)
@@ -240,7 +262,7 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps)
             series = stereo_on_clock_of(series, trajectory, survey)
     placed = place_pairs(survey, series, trajectory)
     with steps.step("check stereo pairs"):
-        return placed.checked()
+        return placed.checked(work)
 
 
 # A survey that has logs and no trajectory: its trajectory is made from them, as `linework locate` does

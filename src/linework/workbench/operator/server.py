@@ -16,8 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from linework.files.live.events import Press
 from linework.live.drive import LiveDrive
 from linework.live.keys import Operator
+from linework.workbench.server.answers import answer_errors
 from linework.workbench.server.guard import Guard, page_files
-from linework.workbench.server.problems import PROBLEMS, answer_errors, hide_paths
+from linework.workbench.server.problems import PROBLEMS, hide_paths
 from linework.workbench.server.serve import HOST, ReadyServer, listener_at, usual_port, uvicorn_settings
 from linework.workbench.server.sessions import Sessions
 

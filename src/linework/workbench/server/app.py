@@ -16,8 +16,9 @@ from linework.workbench.review.chainage import chainage_router
 from linework.workbench.review.evidence import evidence_router
 from linework.workbench.review.export import export_router
 from linework.workbench.review.queue import review_router
+from linework.workbench.server.answers import answer_errors
 from linework.workbench.server.app_state import AppState
-from linework.workbench.server.problems import PROBLEMS, answer_errors
+from linework.workbench.server.problems import PROBLEMS
 from linework.workbench.server.routes import survey_router
 from linework.workbench.views.routes import views_router
 

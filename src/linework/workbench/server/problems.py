@@ -1,4 +1,7 @@
-"""Errors as the page gets them: a status, and one line without paths of this machine."""
+"""Errors as the page gets them: a status, and one line without paths of this machine.
+
+Workers word errors for the page, too: `answers`, which needs the server's packages, stands apart.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,6 @@ from http import HTTPStatus
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
-
-from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
-from starlette.exceptions import HTTPException
 
 from linework.errors import (
     AbsentError,
@@ -67,6 +65,9 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
     for status in (400, 401, 403, 404, 405, 408, 409, 412, 413, 415, 422, 429, 503)
 }
 
+#: Answer to a fault of ours: the details are in the log, which the page does not get.
+FAULT = "a fault of linework, not of your data; the log is saved, the terminal says where"
+
 #: A path of this machine: two or more names after a slash that begins a word. Its last name is kept.
 _PATH = re.compile(r"(?<![\w.:/<])/(?:[^\s/:'\"]+/)+([^\s/:'\"]+)")
 
@@ -102,44 +103,3 @@ def hide_paths(text: str) -> str:
     """
     line = " ".join(text.split())
     return _PATH.sub(r"\1", line)
-
-
-# Answers to errors: one place for all applications
-
-#: Answer to a fault of ours: the details are in the log, which the page does not get.
-FAULT = "a fault of linework, not of your data; the log is saved, the terminal says where"
-
-
-def answer_errors(app: FastAPI) -> None:
-    """Let an application answer every error with a problem document."""
-    app.add_exception_handler(LineworkError, _own)
-    app.add_exception_handler(RequestValidationError, _invalid)
-    app.add_exception_handler(HTTPException, _status)
-    app.add_exception_handler(Exception, _fault)
-
-
-async def _own(_request: Request, error: Exception) -> JSONResponse:
-    """Answer an error that was raised on purpose."""
-    assert isinstance(error, LineworkError)
-    status, line = status_and_message(error)
-    return JSONResponse(problem_document(line, status), status)
-
-
-async def _fault(_request: Request, _error: Exception) -> JSONResponse:
-    """Answer a fault of ours; the guard gets the error too, and saves the log."""
-    return JSONResponse(problem_document(FAULT, 500), 500)
-
-
-async def _status(_request: Request, error: Exception) -> JSONResponse:
-    """Answer a status raised by a route, or by the lack of one."""
-    assert isinstance(error, HTTPException)
-    document = problem_document(str(error.detail), error.status_code)
-    return JSONResponse(document, error.status_code, headers=dict(error.headers or {}))
-
-
-async def _invalid(_request: Request, error: Exception) -> JSONResponse:
-    """Answer an invalid request with the first thing that is wrong with it."""
-    assert isinstance(error, RequestValidationError)
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"][1:] or first["loc"])
-    return JSONResponse(problem_document(f"{place}: {first['msg']}"[:300], 422), 422)

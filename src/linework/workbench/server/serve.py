@@ -49,7 +49,7 @@ class RunningServer:
     order, lines
         The survey, and the file of its lines; None: `LINES_NAME` in its folder.
     process
-        For the worker that opens the survey (`start_worker_process`).
+        For the worker that opens the survey (`start_worker_process`); it ends with the server.
     port
         0: the survey's usual port, or any that is free.
     who
@@ -88,8 +88,10 @@ async def run_server(serving: RunningServer) -> int:
         The port is taken.
     """
     async with contextlib.AsyncExitStack() as held:
+        # First of all: its process runs already
+        pictures = held.enter_context(_worker(serving.order, serving.process))
         stopped = held.enter_context(_signals())
-        opening = asyncio.ensure_future(_opened(serving, held))
+        opening = asyncio.ensure_future(_opened(serving, pictures, held))
         if await _first(opening, stopped):
             await _cancelled(opening)
             return stopped.result()
@@ -113,9 +115,10 @@ async def run_server(serving: RunningServer) -> int:
         return stopped.result()
 
 
-async def _opened(serving: RunningServer, held: contextlib.AsyncExitStack) -> tuple[AppState, socket.socket]:
+async def _opened(
+    serving: RunningServer, pictures: SurveyWorker, held: contextlib.AsyncExitStack
+) -> tuple[AppState, socket.socket]:
     """Open the survey and its lines; what may fail at once is tried first."""
-    pictures = held.enter_context(_worker(serving.order, serving.process))
     listener = held.enter_context(listener_at(serving.port, usual_port(serving.order.inputs[0])))
     tracing = held.enter_context(_worker(serving.order))
     root, crs = await pictures.ask(read_folder_and_crs)

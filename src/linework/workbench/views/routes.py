@@ -40,6 +40,7 @@ from linework.workbench.views.points import (
 )
 from linework.workbench.views.pyramid import Lattice
 from linework.workbench.views.search_area import search_area_document
+from linework.workbench.views.snap import FARTHEST_SNAP_M, snapped_place
 from linework.workbench.views.straightened import FARTHEST_OFFSET_M, straightened_points
 from linework.workbench.views.tiles import prepare_tiles, tile_png
 
@@ -153,6 +154,18 @@ async def get_heights(app_state: CurrentState, wanted: HeightsQuery) -> dict[str
     found = await app_state.pictures.ask(heights_at, wanted.kind, wanted.places)
     height, sigma = ([None if np.isnan(v) else round(float(v), 4) for v in values] for values in found)
     return {"heights": height, "sigmas": sigma}
+
+
+@views_router.get("/snap")
+async def get_snapped(
+    app_state: CurrentState, east: QueryMetres, north: QueryMetres,
+    kind: Annotated[str, Query(max_length=40)],
+    reach_m: Annotated[float, Query(gt=0.0, le=FARTHEST_SNAP_M, allow_inf_nan=False)],
+    heading_deg: Annotated[float | None, Query(ge=-720.0, le=720.0, allow_inf_nan=False)] = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the place on the edge near a place, for a line of a kind; `found` is null where none is visible."""
+    found = await app_state.pictures.ask(snapped_place, kind, (east, north), reach_m, heading_deg)
+    return {"found": found}
 
 
 def prefetcher_of(request: Request, app_state: AppState) -> TilePrefetcher:
