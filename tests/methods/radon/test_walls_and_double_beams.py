@@ -37,10 +37,10 @@ def test_two_flat_boards_of_the_height_of_beams_are_no_guardrail(seed):
     assert len(extract(scene(rng, *two))) == 0
 
 
-@pytest.mark.parametrize("thick_m", [0.25, 0.40])
+@pytest.mark.parametrize("seed", [9976, 9978])
 @pytest.mark.parametrize("top_m", [0.45, 0.55])
-def test_a_wall_as_low_as_a_rail_is_none(top_m, thick_m):
-    rng = np.random.default_rng(9976)
+def test_a_wall_as_low_as_a_rail_is_none(top_m, seed):
+    rng, thick_m = np.random.default_rng(seed), 0.25
     face = sheet(rng, (2.0, 38.0), lambda h: 5.0 + 0 * h, (0.0, top_m), 250)
     behind = sheet(rng, (2.0, 38.0), lambda h: 5.0 + thick_m + 0 * h, (0.1, 0.2), 20)
     found = extract(scene(rng, face, lid(rng, 5.0, top_m, thick_m), behind))

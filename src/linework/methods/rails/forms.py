@@ -37,8 +37,8 @@ _EVERY = 4
 _BESIDE = 6
 #: Height above a tried edge that is to be clear: that of the kernel. [m]
 _CLEAR_M = 0.10
-#: Height above the followed edge, which may lie a little low, at which what has a lid ends at the latest. [m]
-_LID_ENDS_M = 0.15
+#: Height above the followed edge at which what has a lid ends at the latest: twigs of a hedge behind a rail go on. [m]
+_LID_ENDS_M = 0.10
 #: Most of a beam that its edge is found by: a crest and a half of a folded one. [m]
 _MOST_BEAM_M = 0.30
 #: Weight of points above an edge, per equal area: twice, as for a W-beam.
