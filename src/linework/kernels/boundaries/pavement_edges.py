@@ -267,7 +267,7 @@ def _best_split(
     sums: FloatArray,
     out: FloatArray,
 ) -> bool:
-    """Do what `best_split` does, with what it is told to find edges by."""
+    """Find the best split as `best_split` does, by the evidence that it is given."""
     step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     half = int(BEYOND * EDGE_REACH_V / step)
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
@@ -314,7 +314,7 @@ def sharpen_split(
 def _sharpen_split(
     work: FloatArray, n: int, first: FloatArray, scale: float, by: int, sums: FloatArray, out: FloatArray
 ) -> bool:
-    """Do what `sharpen_split` does, with what it is told to find edges by, but for the scanner's shadow."""
+    """Sharpen a split as `sharpen_split` does, by the evidence that it is given, without the scanner's shadow."""
     step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
     out[EDGE_VX], out[EDGE_VY], out[EDGE_CLEAR] = first[EDGE_VX], first[EDGE_VY], 0.0

@@ -22,9 +22,10 @@ from linework.workbench.worker.session import SurveySession
 
 #: Farthest that a place is moved: as far as edges are looked for. [m]
 FARTHEST_SNAP_M = SOUGHT_M
-#: What a line of a kind runs along, as in `linework.methods.templates.template.NODE_EDGES`.
+#: What a line of a kind runs along, as in `linework.methods.templates.template.NODE_EDGES`. Arrows and bars have their middle
+#: for a line, where there is no edge: with that of their paint 21 % of the vertices were right instead of 29 (decision 126).
 SNAP_EDGES: dict[str, tuple[str, ...]] = {
-    "lane_marking": ("stripe",), "lane_marking_dash": ("stripe",), "road_marking_other": ("shade",),
+    "lane_marking": ("stripe",), "lane_marking_dash": ("stripe",), "road_marking_other": (),
     "road_boundary": ("foot", "break", "shade"), "kerb_top": ("top",), "edge_other": ("foot", "top", "break", "shade"),
     "guardrail": ("rail",), "barrier": ("rail",), "fence": ("rail",), "cable": ("wire",),
 }  # fmt: skip
