@@ -82,3 +82,11 @@ def test_a_wall_with_few_points_is_no_bundle():
         [rng.uniform(0.0, 40.0, 900), rng.normal(0.0, 0.01, 900), rng.uniform(4.0, 8.0, 900)]
     )
     assert cables_in(wall + np.array([EAST_M, NORTH_M, 0.0])) == []
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 1e-4])
+def test_points_without_noise_are_one_wire(noise_m):
+    rng = np.random.default_rng(9961)
+    points, _ = hanging_wire(rng, (0.0, 0.0, 8.0), (40.0, 0.0, 8.0), sag_m=0.6, noise_m=noise_m, per_m=10.0)
+    (line,) = cables_in(points)
+    assert np.hypot(*(line[-1] - line[0])[:2]) == pytest.approx(40.0, abs=2.0)

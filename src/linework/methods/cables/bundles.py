@@ -359,10 +359,10 @@ def _wires_of(band: CableBand, mixture: Mixture, about: PointsNearby, widths: Wi
         gate = max(min(BUNDLE_GATE_SIGMAS * sigma, GATE_APART * next_m), widths.gate_m)
         away = np.hypot(off[owner, np.arange(len(owner))], up[owner, np.arange(len(owner))])
         own = np.flatnonzero(mine[owner] & is_explained & (away <= gate))
-        if len(own) < _UNKNOWNS:
-            continue
         first, last = main_run(about.s[own])
         members = own[first:last]
+        if len(members) < _UNKNOWNS:
+            continue
         twisted_m = float(np.where(np.isfinite(distance), distance, 0.0)[np.ix_(mine, mine)].max())
         wire = fit_members(band, about.points[members], Widths(gate + twisted_m / 2.0))
         seen = len(np.unique(np.floor(about.s[members])))

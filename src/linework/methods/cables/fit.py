@@ -28,6 +28,9 @@ MOST_USUAL_M = 6.0
 #: Sigmas of a bow that is certain: three, and points in groups of three that err alike; and fewest points of one: of
 #: fewer, noise alone is bent by five sigmas once in hundreds.
 BOW_SIGMAS, LEAST_BOW_POINTS = 5.0, 12
+#: Deviation of a wire's points in height below which none is a kink: scanners resolve ranges to 2 mm, and of points without
+#: noise the rest of a fit would be halved again and again. [m]
+LEAST_KINK_M = 0.002
 #: Points of the wires that one by itself was fitted together with.
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 #: Factor from the cofactors of the coefficient of u^2 to those of the curvature.
@@ -389,7 +392,10 @@ def split_at_kink(band: CableBand, wire: FittedWire, least_m: float) -> tuple[In
     """
     xyz = band.xyz[wire.members]
     s, _ = wire.plan.stations(xyz[:, :2])
-    i, share = kernels.best_break(s, xyz[:, 2] - wire.fit.curve.height_at(s), least_m, 0.5, 6)
+    off = xyz[:, 2] - wire.fit.curve.height_at(s)
+    if len(off) == 0 or math.sqrt(float(np.mean(off * off))) < LEAST_KINK_M:
+        return None
+    i, share = kernels.best_break(s, off, least_m, 0.5, 6)
     if share > 0.5:
         return None
     one = np.ones(len(s))

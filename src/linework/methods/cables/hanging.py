@@ -52,7 +52,7 @@ def free_hanging(
     Points of other wires do not count as surroundings, except those of straight ones: a scanner that drives past a
     far wall leaves a stack of straight lines on it. A contact wire is straight, but hangs from a wire that sags.
     """
-    wires = [w for w in wires if _is_gentle(w)]
+    n_given, wires = len(wires), [w for w in wires if _is_gentle(w)]
     above = [_carriers(wire, wires) for wire in wires]
     carrying = {i for carriers in above for i in carriers}
     of_wire = np.zeros(len(band.xyz), dtype=bool)
@@ -68,7 +68,7 @@ def free_hanging(
             kept.append((wire, around))
     remaining = [w for w, _ in kept]
     # What was fitted together with a wire and is none is beside it
-    if len(remaining) < len(wires) and any(len(w.others) for w in remaining):
+    if len(remaining) < n_given and any(len(w.others) for w in remaining):
         return free_hanging(band, among(remaining, band), pieces, times_order=times_order)
     return remaining, [a for _, a in kept]
 

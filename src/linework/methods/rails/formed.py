@@ -140,8 +140,9 @@ def _is_more_than_high(placed: PlacedRail, stretch: FormedStretch, config: Profi
     """
     if stretch.section.form != "w_beam":
         return True
-    deep = np.nanmedian(placed.rail.profile.spread_m[stretch.run]) >= config.min_spread_m
-    return len(stretch.section.bands) > 1 and bool(deep)
+    spread_m = placed.rail.profile.spread_m[stretch.run]
+    known = spread_m[~np.isnan(spread_m)]
+    return len(stretch.section.bands) > 1 and len(known) > 0 and bool(np.median(known) >= config.min_spread_m)
 
 
 def _barriers_once(formed: list[Stretch], profiled: list[Stretch], least: int) -> list[Stretch]:
