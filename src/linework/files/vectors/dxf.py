@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyproj
@@ -29,6 +29,7 @@ from linework.model.lines import POLE, LineSet
 with extra_needed("cad"):
     import ezdxf
     from ezdxf.colors import rgb2int
+    from ezdxf.explode import virtual_block_reference_entities
     from ezdxf.filemanagement import new, readfile
     from ezdxf.math import Vec3
 
@@ -188,9 +189,12 @@ def read_dxf(
     """
     shapes, tables, places = [], [], []
     with _drawing_errors(path):
-        for entity, layer in _entities(readfile(path).modelspace().query(_READ), left_out):
-            is_pole = entity.dxftype() == "POINT" and _own_fields(entity).get("kind") == POLE
-            place = f"{entity.dxftype()} {entity.dxf.handle or 'of a block'} on layer {layer}"
+        listed = list(readfile(path).modelspace().query(_READ))
+    for entity, layer in _entities(listed, left_out, set()):
+        place = f"{entity.dxftype()} {entity.dxf.handle or 'of a block'} on layer {layer}"
+        try:
+            fields = _own_fields(entity)
+            is_pole = entity.dxftype() == "POINT" and fields.get("kind") == POLE
             vertices = np.array([tuple(entity.dxf.location)]) if is_pole else _vertices(entity)
             if isinstance(vertices, str):
                 left_out.append(f"{place}: {vertices}")
@@ -198,9 +202,16 @@ def read_dxf(
             if len(vertices) < 2 and not is_pole:
                 continue
             with np.errstate(invalid="ignore"):
-                shapes.append(shapely.points(vertices[0]) if is_pole else shapely.linestrings(vertices))
-            places.append(place)
-            tables.append({"layer": layer} | _own_fields(entity))
+                shape = shapely.points(vertices[0]) if is_pole else shapely.linestrings(vertices)
+        except MemoryError:
+            raise
+        # One damaged entity, whatever that raises, leaves the others as they are
+        except Exception as error:
+            left_out.append(f"{place}: is damaged ({_printed(error)})")
+            continue
+        shapes.append(shape)
+        places.append(place)
+        tables.append({"layer": layer} | fields)
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
@@ -228,30 +239,79 @@ def _drawing_errors(path: Path) -> Iterator[None]:
         raise
     # Damage comes out as errors of types and values, of keys, of attributes and of infinite numbers
     except Exception as error:
-        text = "".join(c if c.isprintable() else "?" for c in str(error)[:100])
         raise InputError(
-            f"is not a DXF file ({text})", where=path, advice="check what this file is"
+            f"is not a DXF file ({_printed(error)})", where=path, advice="check what this file is"
         ) from error
 
 
+def _printed(error: Exception) -> str:
+    return "".join(c if c.isprintable() else "?" for c in str(error)[:100])
+
+
 def _entities(
-    listed: Iterable[Any], left_out: list[str], layer: str = "0", depth: int = 0
+    listed: Iterable[Any], left_out: list[str], said: set[str], layer: str = "0", depth: int = 0
 ) -> Iterator[tuple[Any, str]]:
-    """Yield entities with their layers, those of blocks at their places; on layer 0 they are on that of the block."""
+    """Yield entities with their layers, those of blocks at their places; on layer 0 they are on that of the block.
+
+    What cannot be read of a block is added to `left_out`, and the name of the block to `said`, so that it is there once.
+    """
     for entity in listed:
         own = entity.dxf.layer if entity.dxf.layer != "0" or depth == 0 else layer
         if entity.dxftype() != "INSERT":
             yield entity, own
             continue
-        place = f"block {entity.dxf.name} on layer {own}"
-        if depth >= _MAX_DEPTH or entity.mcount > _MAX_COPIES:
-            left_out.append(
-                f"{place}: more than {_MAX_DEPTH} blocks in each other, or {_MAX_COPIES:,} beside each other"
-            )
-            continue
-        for one in entity.multi_insert() if entity.mcount > 1 else (entity,):
-            inner = (e for e in one.virtual_entities() if e.dxftype() in _READ.split())
-            yield from _entities(inner, left_out, own, depth + 1)
+        wrong: list[str] = []
+        yield from _entities(_drawn_blocks(entity, depth, wrong), left_out, said, own, depth + 1)
+        name = str(entity.dxf.get("name", ""))
+        if wrong and name not in said:
+            said.add(name)
+            left_out.append(f"block {name} on layer {own}: {wrong[0]}")
+
+
+def _drawn_blocks(insert: Any, depth: int, wrong: list[str]) -> Iterator[Any]:
+    """Yield the entities of a block, once for each copy of it in a row; what is wrong with it is added to `wrong`."""
+    try:
+        block = insert.block()
+        if block is None:
+            wrong.append("there is no such block")
+            return
+        if depth >= _MAX_DEPTH or insert.mcount > _MAX_COPIES:
+            wrong.append(f"more than {_MAX_DEPTH} blocks in each other, or {_MAX_COPIES:,} beside each other")
+            return
+        parts = [part for part in block if part.dxftype() in _READ.split()]
+        copies = list(insert.multi_insert()) if insert.mcount > 1 else [insert]
+        matrices = [copy.matrix44() for copy in copies]
+    except MemoryError:
+        raise
+    except Exception as error:
+        wrong.append(f"is damaged ({_printed(error)})")
+        return
+    for matrix in matrices:
+        for part in parts:
+            try:
+                placed = list(virtual_block_reference_entities(_Alone(part, matrix)))  # type: ignore[arg-type]
+            except MemoryError:
+                raise
+            except Exception as error:
+                wrong.append(f"{part.dxftype()} in it is damaged ({_printed(error)})")
+                continue
+            yield from (one for one in placed if one.dxftype() in _READ.split())
+
+
+class _Alone(NamedTuple):
+    """A block of one entity, as ezdxf asks for it, so that a damaged one leaves the others of its block."""
+
+    part: Any
+    matrix: Any
+
+    def dxftype(self) -> str:
+        return "INSERT"
+
+    def block(self) -> list[Any]:
+        return [self.part]
+
+    def matrix44(self) -> Any:
+        return self.matrix
 
 
 def _vertices(entity: Any) -> FloatArray | str:
