@@ -14,6 +14,7 @@ from tests.files.maps.test_opendrive import _BY_PYXODR
 from tests.scenes.map_scenes import road_lines
 
 from linework.crs import metric_twin, parse_crs
+from linework.errors import CrsError
 from linework.evaluation.epochs import compare_epochs
 from linework.files.vectors.lane_layer import lane_options
 from linework.files.vectors.read_write import read_lines, write_lines
@@ -136,6 +137,31 @@ def test_lanes_of_lines_in_feet_are_those_of_metres(tmp_path):
     np.testing.assert_allclose(a.width_m, b.width_m, atol=1e-6)
     np.testing.assert_allclose(a.centre.xyz * unit_scale(feet.crs), b.centre.xyz, atol=1e-6)
     write_lines(feet, tmp_path / "feet.gpkg", lanes=True)
+
+
+@pytest.mark.parametrize("suffix", [".xodr", ".osm"])
+@pytest.mark.parametrize(
+    ("written", "given"), [("EPSG:2225+6360", "EPSG:2225"), ("EPSG:2225", "EPSG:2225+6360")]
+)
+def test_a_crs_in_feet_with_or_without_heights_gives_feet(tmp_path, suffix, written, given):
+    """A map is in metres; whether it, or the CRS that is given, states the datum of the heights does not matter."""
+    xyz = np.column_stack([np.arange(6.0e6, 6.0e6 + 400, 20), np.full(20, 2.0e6), np.full(20, 100.0)])
+    lines = LineSet.from_lines([xyz, xyz + np.array([0.0, 12.0, 0.0])], crs=written, kind="lane_marking")
+    write_lines(lines, tmp_path / f"a{suffix}")
+    back = read_lines(tmp_path / f"a{suffix}", crs=given)
+    assert back.crs == parse_crs(given)
+    ends = [[xyz.min(axis=0), xyz.max(axis=0)] for xyz in (back.xyz, lines.xyz)]
+    np.testing.assert_allclose(*ends, atol=0.01)
+
+
+def test_another_datum_of_heights_is_refused(tmp_path):
+    xyz = np.array([[6.0e6, 2.0e6, 100.0], [6.0001e6, 2.0e6, 100.0]])
+    lines = LineSet.from_lines(
+        [xyz, xyz + np.array([0.0, 12.0, 0.0])], crs="EPSG:2225+6360", kind="lane_marking"
+    )
+    write_lines(lines, tmp_path / "a.xodr")
+    with pytest.raises(CrsError, match="two different CRSs"):
+        read_lines(tmp_path / "a.xodr", crs="EPSG:2225+5702")
 
 
 def test_a_drawing_says_its_unit(tmp_path):

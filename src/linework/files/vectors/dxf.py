@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyproj
@@ -29,6 +29,7 @@ from linework.model.lines import POLE, LineSet
 with extra_needed("cad"):
     import ezdxf
     from ezdxf.colors import rgb2int
+    from ezdxf.explode import virtual_block_reference_entities
     from ezdxf.filemanagement import new, readfile
     from ezdxf.math import Vec3
 
@@ -50,8 +51,11 @@ _READ = "LINE POLYLINE LWPOLYLINE ARC CIRCLE ELLIPSE SPLINE INSERT POINT"
 _CHORD = 1e-3
 #: Curves of larger radius have no place on a road: their chords would fill the memory. [unit of the drawing]
 _MAX_RADIUS = 1e6
+_TOO_ROUND = f"a curve with a radius of more than {_MAX_RADIUS:g}"
 #: Blocks in blocks deeper than this, and rows of blocks longer, are damaged.
 _MAX_DEPTH, _MAX_COPIES = 8, 10_000
+#: Entities of all blocks of a drawing, each as often as it is drawn: rows of rows of blocks would fill the memory.
+_MAX_DRAWN = 1_000_000
 _DASHED, _DASHED_PATTERN = "LINEWORK_DASHED", (2.0, 1.0, -1.0)
 
 
@@ -184,13 +188,22 @@ def read_dxf(
     Raises
     ------
     InputError
-        Not a DXF file.
+        Not a DXF file, or one whose blocks multiply.
     """
     shapes, tables, places = [], [], []
     with _drawing_errors(path):
-        for entity, layer in _entities(readfile(path).modelspace().query(_READ), left_out):
-            is_pole = entity.dxftype() == "POINT" and _own_fields(entity).get("kind") == POLE
-            place = f"{entity.dxftype()} {entity.dxf.handle or 'of a block'} on layer {layer}"
+        listed = list(readfile(path).modelspace().query(_READ))
+    if _n_drawn(listed, {}) > _MAX_DRAWN:
+        raise InputError(
+            f"its blocks draw more than {_MAX_DRAWN:,} entities",
+            where=path,
+            advice="take out the rows of blocks",
+        )
+    for entity, layer in _entities(listed, left_out, set()):
+        place = f"{entity.dxftype()} {entity.dxf.handle or 'of a block'} on layer {layer}"
+        try:
+            fields = _own_fields(entity)
+            is_pole = entity.dxftype() == "POINT" and fields.get("kind") == POLE
             vertices = np.array([tuple(entity.dxf.location)]) if is_pole else _vertices(entity)
             if isinstance(vertices, str):
                 left_out.append(f"{place}: {vertices}")
@@ -198,9 +211,16 @@ def read_dxf(
             if len(vertices) < 2 and not is_pole:
                 continue
             with np.errstate(invalid="ignore"):
-                shapes.append(shapely.points(vertices[0]) if is_pole else shapely.linestrings(vertices))
-            places.append(place)
-            tables.append({"layer": layer} | _own_fields(entity))
+                shape = shapely.points(vertices[0]) if is_pole else shapely.linestrings(vertices)
+        except MemoryError:
+            raise
+        # One damaged entity, whatever that raises, leaves the others as they are
+        except Exception as error:
+            left_out.append(f"{place}: is damaged ({_printed(error)})")
+            continue
+        shapes.append(shape)
+        places.append(place)
+        tables.append({"layer": layer} | fields)
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
@@ -228,30 +248,102 @@ def _drawing_errors(path: Path) -> Iterator[None]:
         raise
     # Damage comes out as errors of types and values, of keys, of attributes and of infinite numbers
     except Exception as error:
-        text = "".join(c if c.isprintable() else "?" for c in str(error)[:100])
         raise InputError(
-            f"is not a DXF file ({text})", where=path, advice="check what this file is"
+            f"is not a DXF file ({_printed(error)})", where=path, advice="check what this file is"
         ) from error
 
 
+def _printed(error: Exception) -> str:
+    return "".join(c if c.isprintable() else "?" for c in str(error)[:100])
+
+
 def _entities(
-    listed: Iterable[Any], left_out: list[str], layer: str = "0", depth: int = 0
+    listed: Iterable[Any], left_out: list[str], said: set[str], layer: str = "0", depth: int = 0
 ) -> Iterator[tuple[Any, str]]:
-    """Yield entities with their layers, those of blocks at their places; on layer 0 they are on that of the block."""
+    """Yield entities with their layers, those of blocks at their places; on layer 0 they are on that of the block.
+
+    What cannot be read of a block is added to `left_out`, and the name of the block to `said`, so that it is there once.
+    """
     for entity in listed:
         own = entity.dxf.layer if entity.dxf.layer != "0" or depth == 0 else layer
         if entity.dxftype() != "INSERT":
             yield entity, own
             continue
-        place = f"block {entity.dxf.name} on layer {own}"
-        if depth >= _MAX_DEPTH or entity.mcount > _MAX_COPIES:
-            left_out.append(
-                f"{place}: more than {_MAX_DEPTH} blocks in each other, or {_MAX_COPIES:,} beside each other"
-            )
+        wrong: list[str] = []
+        yield from _entities(_drawn_blocks(entity, depth, wrong), left_out, said, own, depth + 1)
+        name = str(entity.dxf.get("name", ""))
+        if wrong and name not in said:
+            said.add(name)
+            left_out.append(f"block {name} on layer {own}: {wrong[0]}")
+
+
+def _n_drawn(listed: Iterable[Any], known: dict[tuple[str, int], int], depth: int = 0) -> int:
+    """Return how many entities of blocks, and copies of blocks, the listed ones draw; `known` holds those of blocks."""
+    n = 0
+    for entity in listed:
+        if entity.dxftype() != "INSERT":
             continue
-        for one in entity.multi_insert() if entity.mcount > 1 else (entity,):
-            inner = (e for e in one.virtual_entities() if e.dxftype() in _READ.split())
-            yield from _entities(inner, left_out, own, depth + 1)
+        # What is damaged is said where it is drawn
+        with contextlib.suppress(Exception):
+            copies, parts = max(entity.mcount, 1), _parts(entity)
+            if parts is None or depth >= _MAX_DEPTH or copies > _MAX_COPIES:
+                continue
+            key = (str(entity.dxf.name).lower(), depth)
+            if key not in known:
+                known[key] = 1 + len(parts) + _n_drawn(parts, known, depth + 1)
+            n += copies * known[key]
+    return n
+
+
+def _parts(insert: Any) -> list[Any] | None:
+    """Return the entities of a block that are read, None where there is no such block."""
+    block = insert.block()
+    return None if block is None else [part for part in block if part.dxftype() in _READ.split()]
+
+
+def _drawn_blocks(insert: Any, depth: int, wrong: list[str]) -> Iterator[Any]:
+    """Yield the entities of a block, once for each copy of it in a row; what is wrong with it is added to `wrong`."""
+    try:
+        parts = _parts(insert)
+        if parts is None:
+            wrong.append("there is no such block")
+            return
+        if depth >= _MAX_DEPTH or insert.mcount > _MAX_COPIES:
+            wrong.append(f"more than {_MAX_DEPTH} blocks in each other, or {_MAX_COPIES:,} beside each other")
+            return
+        copies = list(insert.multi_insert()) if insert.mcount > 1 else [insert]
+        matrices = [copy.matrix44() for copy in copies]
+    except MemoryError:
+        raise
+    except Exception as error:
+        wrong.append(f"is damaged ({_printed(error)})")
+        return
+    for matrix in matrices:
+        for part in parts:
+            try:
+                placed = list(virtual_block_reference_entities(_Alone(part, matrix)))  # type: ignore[arg-type]
+            except MemoryError:
+                raise
+            except Exception as error:
+                wrong.append(f"{part.dxftype()} in it is damaged ({_printed(error)})")
+                continue
+            yield from (one for one in placed if one.dxftype() in _READ.split())
+
+
+class _Alone(NamedTuple):
+    """A block of one entity, as ezdxf asks for it, so that a damaged one leaves the others of its block."""
+
+    part: Any
+    matrix: Any
+
+    def dxftype(self) -> str:
+        return "INSERT"
+
+    def block(self) -> list[Any]:
+        return [self.part]
+
+    def matrix44(self) -> Any:
+        return self.matrix
 
 
 def _vertices(entity: Any) -> FloatArray | str:
@@ -270,13 +362,12 @@ def _vertices(entity: Any) -> FloatArray | str:
         points = [tuple(vertex) for vertex in _flat_vertices(entity)]
         points += points[:1] if entity.is_closed else []
     else:
-        if _largest_radius(entity) > _MAX_RADIUS:
-            return f"a curve with a radius of more than {_MAX_RADIUS:g}"
-        points = (
-            _round(entity)
-            if kind in ("LWPOLYLINE", "POLYLINE")
-            else [tuple(p) for p in entity.flattening(_CHORD)]
-        )
+        if kind in ("LWPOLYLINE", "POLYLINE"):
+            return _round(entity)
+        # No number is not less either
+        if not _largest_radius(entity) <= _MAX_RADIUS:
+            return _TOO_ROUND
+        points = [tuple(p) for p in entity.flattening(_CHORD)]
     return np.array(points, dtype=np.float64).reshape(-1, 3)
 
 
@@ -288,28 +379,51 @@ def _flat_vertices(entity: Any) -> Iterable[Any]:
 
 
 def _corners(entity: Any) -> list[Any]:
-    """Return the vertices of a polyline in its plane, with its height."""
+    """Return the vertices of a polyline in its plane, with its height; where it has none, with their own."""
     if entity.dxftype() == "LWPOLYLINE":
         return [Vec3(x, y, entity.dxf.elevation) for x, y in entity.get_points("xy")]
     up = entity.dxf.elevation.z if entity.dxf.hasattr("elevation") else None
     places = [vertex.dxf.location for vertex in entity.vertices]
-    return places if up is None else [Vec3(place.x, place.y, up) for place in places]
+    # Every polyline may state a height of 0, as one that stands for none
+    return [Vec3(place.x, place.y, up) for place in places] if up else places
 
 
-def _round(entity: Any) -> list[tuple[float, ...]]:
-    """Return the places of a polyline with arcs, piece by piece."""
-    found: list[tuple[float, ...]] = []
-    for piece in entity.virtual_entities():
-        is_arc = piece.dxftype() == "ARC"
-        places = [
-            tuple(p) for p in (piece.flattening(_CHORD) if is_arc else (piece.dxf.start, piece.dxf.end))
-        ]
-        # Arcs go against the clock, whichever way the line goes
-        start = found[-1] if found else tuple(next(iter(entity.ocs().points_to_wcs(_corners(entity)[:1]))))
-        if math.dist(places[-1], start) < math.dist(places[0], start):
-            places.reverse()
-        found += places[1:] if found else places
-    return found
+def _round(entity: Any) -> FloatArray | str:
+    """Return the vertices (n, 3) in the world of a polyline with arcs, or that one is too large.
+
+    The bulge between two corners is the tangent of a quarter of the angle of their arc, positive against the clock.
+    """
+    corners = np.array([tuple(corner) for corner in _corners(entity)], dtype=np.float64).reshape(-1, 3)
+    bulges = (
+        [bulge for (bulge,) in entity.get_points("b")]
+        if entity.dxftype() == "LWPOLYLINE"
+        else [vertex.dxf.bulge for vertex in entity.vertices]
+    )
+    if entity.is_closed:
+        corners, bulges = np.vstack([corners, corners[:1]]), [*bulges, 0.0]
+    found = [corners[:1]]
+    for start, end, bulge in zip(corners[:-1], corners[1:], bulges[:-1], strict=True):
+        chord, size = math.dist(start[:2], end[:2]), abs(bulge)
+        # So flat that its chord is as near as chords are asked to be (the arc's rise is half of this)
+        if size * chord <= _CHORD:
+            found.append(end[None])
+            continue
+        radius = chord * (1.0 + size * size) / (4.0 * size)
+        # A flat arc has a large radius, and is as large as its chord; others are as large as their circle
+        if not (chord if size <= 1.0 else radius) <= _MAX_RADIUS:
+            return _TOO_ROUND
+        angle = 4.0 * math.atan(bulge)
+        step = 2.0 * math.acos(max(1.0 - _CHORD / radius, 0.0))
+        turned = np.linspace(0.0, angle, math.ceil(abs(angle) / step) + 1)[1:-1]
+        # Chords of a circle from one place of it: as long as sines of half the angle, in the direction of its half
+        to = np.sin(turned / 2) / math.sin(angle / 2) * np.exp(0.5j * (turned - angle))
+        to *= complex(*(end - start)[:2])
+        found.append(np.column_stack([start[0] + to.real, start[1] + to.imag, np.full(len(to), start[2])]))
+        found.append(end[None])
+    places = np.vstack(found)
+    if tuple(entity.dxf.extrusion) == (0.0, 0.0, 1.0):
+        return places
+    return np.array([tuple(p) for p in entity.ocs().points_to_wcs(Vec3.list(places))]).reshape(-1, 3)
 
 
 def _largest_radius(entity: Any) -> float:
@@ -318,9 +432,8 @@ def _largest_radius(entity: Any) -> float:
         return abs(float(entity.dxf.radius))
     if kind == "ELLIPSE":
         return float(entity.dxf.major_axis.magnitude)
-    places: Any = entity.control_points if kind == "SPLINE" else list(_flat_vertices(entity))
-    places = np.array([tuple(place) for place in places], dtype=np.float64).reshape(-1, 3)
-    # An arc between two places is at most half a circle wider than they are apart
+    # A spline is within its control points
+    places = np.array([tuple(place) for place in entity.control_points], dtype=np.float64).reshape(-1, 3)
     return float(np.ptp(places, axis=0).max()) if len(places) else 0.0
 
 

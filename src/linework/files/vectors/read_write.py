@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.crs import LOCAL, describe_crs, metric_twin, parse_crs, same_plan
+from linework.crs import LOCAL, describe_crs, has_height, metric_twin, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, LineworkWarning, UsageError, argument, check_extra, printable
 from linework.files.output.inputs import check_not_read
 from linework.files.output.publish import FileBeside, check_output, publish
@@ -23,7 +23,7 @@ from linework.files.vectors.left_out import left_out_text
 from linework.files.vectors.point_layers import PointLayer, point_layers
 from linework.files.vectors.pole_points import points_last
 from linework.lines.names import with_ids
-from linework.lines.units import in_units_of
+from linework.lines.units import in_metres, in_units_of
 from linework.model.lines import LineSet
 from linework.model.logs import VanLog
 
@@ -285,15 +285,22 @@ def read_usable_lines(
 def _in_crs(found: LineSet, given: str | None, path: Path) -> LineSet:
     """Return lines in the CRS that their file states, or else in the given one; both must agree.
 
-    Maps are read in metres. A given CRS in feet is that of the lines then, too.
+    Maps are read in metres. A given CRS in feet is that of the lines then, too; without heights, these are in the unit of
+    the plan.
     """
     if given in (None, found.crs):
         return found
     if found.crs == LOCAL:
         return found.with_columns(crs=given)
-    if given != metric_twin(given) and found.crs == metric_twin(given):
-        return in_units_of(found, given)
-    if not (same_plan(found.crs, given) or same_plan(found.crs, metric_twin(given))):
+    twin = metric_twin(given)
+    agrees = same_plan(found.crs, given)
+    if twin != given and (found.crs == twin or (not agrees and same_plan(found.crs, twin))):
+        metres = in_metres(found)
+        # A datum of the heights that only one of them states is that of both
+        agrees = not (has_height(metres.crs) and has_height(twin)) or same_crs(metres.crs, twin)
+        if agrees:
+            return in_units_of(metres, given)
+    if not agrees:
         raise CrsError(
             f"two different CRSs: the file says {describe_crs(found.crs)}, {argument('crs')} says {describe_crs(given)}",
             where=path, advice=f"leave {argument('crs')} out, or correct what the file states",
