@@ -68,7 +68,6 @@ export interface Survey {
   busy: string; // what the server is still doing; "" when ready
 }
 
-// What the search area about a place shows
 // The edge that a place drawn by hand snaps to
 export interface Snapped {
   at: Place;
@@ -78,6 +77,7 @@ export interface Snapped {
   heading_deg: number;
 }
 
+// What the search area about a place shows
 export interface SearchArea {
   points: number;
   upright_normals: number;

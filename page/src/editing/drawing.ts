@@ -9,7 +9,7 @@ import { Snapping } from "./snapping";
 export class Drawing {
   readonly path: ClickPath;
   readonly snapping: Snapping;
-  private snaps: Promise<void>[] = [];
+  private readonly snaps = new Map<Place, Promise<Place>>(); // by vertex as it was clicked
 
   constructor(private readonly app: App, resolution: () => number) {
     this.snapping = new Snapping(app, resolution);
@@ -18,7 +18,7 @@ export class Drawing {
     const group = "Draw";
     app.keyboard.bind({ keys: ["Enter"], title: "Finish the line", group, when, run: () => void this.finish() });
     app.keyboard.bind({ keys: ["Backspace"], title: "Remove the last vertex", group, when, run: () => this.path.removeLast() });
-    app.keyboard.bind({ keys: ["Escape"], title: "Discard the line", group, when, run: () => this.path.clear() });
+    app.keyboard.bind({ keys: ["Escape"], title: "Discard the line", group, when, run: () => this.clear() });
   }
 
   // `freely`: where it is, whatever edge is near
@@ -28,12 +28,12 @@ export class Drawing {
     this.path.recolour(this.app.colour(this.app.followKind));
     const heading = this.headingTo(place);
     this.path.add(place);
-    if (!freely) this.snaps.push(this.snap(place, heading));
+    if (!freely) this.snaps.set(place, this.snap(place, heading));
   }
 
   hover(place: Place, freely: boolean): void {
     this.path.hover(place);
-    if (freely) this.snapping.show(null);
+    if (freely) this.snapping.hide();
     else this.snapping.hover(place, this.headingTo(place));
   }
 
@@ -43,10 +43,16 @@ export class Drawing {
   }
 
   // The vertex is there at once, and moves onto its edge when that is found
-  private async snap(place: Place, heading_deg: number | null): Promise<void> {
-    const found = await this.snapping.find(place, heading_deg);
+  private async snap(place: Place, heading_deg: number | null): Promise<Place> {
+    const found = await this.snapping.marked(place, heading_deg);
+    this.snaps.delete(place);
     if (found) this.path.replace(place, found.at);
-    this.snapping.show(found);
+    return found?.at ?? place;
+  }
+
+  private clear(): void {
+    this.path.clear();
+    this.snapping.hide();
   }
 
   // A double-click finishes the line; its second click has added the last vertex twice
@@ -56,12 +62,14 @@ export class Drawing {
   }
 
   private async finish(): Promise<void> {
-    await Promise.all(this.snaps.splice(0));
-    const xyz = this.path.places;
-    if (xyz.length < 2)
+    const { places } = this.path;
+    const kind = this.app.followKind;
+    if (places.length < 2)
       return this.app.emit("message", { text: "A line needs at least two vertices.", kind: "problem" });
-    this.path.clear();
-    const changed = await this.app.change(editOf(this.app.followKind, xyz));
+    const snapped = places.map((place) => this.snaps.get(place) ?? place);
+    // What is clicked from here on is of the next line
+    this.clear();
+    const changed = await this.app.change(editOf(kind, await Promise.all(snapped)));
     if (changed) this.app.select(changed.lines.map((line) => line.id));
   }
 }

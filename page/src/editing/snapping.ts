@@ -27,16 +27,16 @@ export class Snapping {
   isOn = true;
   private readonly mark = new Feature<Point>();
   private readonly hovering = new LatestTask();
-  private shown: Snapped | null = null;
+  private hides = 0;
 
   constructor(private readonly app: App, private readonly resolution: () => number) {
     this.layer = new VectorLayer({ source: new VectorSource({ features: [this.mark] }), updateWhileInteracting: true });
     app.keyboard.bind({ keys: ["Shift+e"], title: "Snap to edges while drawing: on or off (Alt and a click: not this once)", group: "Draw", run: () => this.toggle() });
-    app.on("tool", (tool) => tool !== "draw" && this.show(null));
+    app.on("tool", (tool) => tool !== "draw" && this.hide());
   }
 
-  // The place on the edge that a click means; null: none is seen, or nobody wants it
-  async find(place: Place, heading_deg: number | null): Promise<Snapped | null> {
+  // The edge near a place; null: none is seen, or nobody wants it
+  private async find(place: Place, heading_deg: number | null): Promise<Snapped | null> {
     if (!this.isOn || this.app.survey.n_points === 0) return null;
     const reach = Math.min(REACH_M.most, Math.max(REACH_M.least, REACH_PX * this.resolution()));
     try {
@@ -48,21 +48,35 @@ export class Snapping {
 
   // The edge that a click here would snap to is marked
   hover(place: Place, heading_deg: number | null): void {
-    if (!this.isOn || this.app.followKind === "") return this.show(null);
-    void this.hovering.run(async () => this.show(await this.find(place, heading_deg)));
+    if (!this.isOn || this.app.followKind === "") return this.hide();
+    const { hides } = this;
+    void this.hovering.run(async () => void (hides === this.hides && (await this.marked(place, heading_deg))));
   }
 
-  show(found: Snapped | null): void {
-    this.shown = found;
+  // The place on the edge that a click means, marked unless the mark was hidden meanwhile
+  async marked(place: Place, heading_deg: number | null): Promise<Snapped | null> {
+    const { hides } = this;
+    const found = await this.find(place, heading_deg);
+    if (hides === this.hides) this.show(found);
+    return found;
+  }
+
+  // Answers that come later do not show it again
+  hide(): void {
+    this.hides += 1;
+    this.show(null);
+  }
+
+  private show(found: Snapped | null): void {
     this.mark.setGeometry(found ? new Point(found.at) : undefined);
     if (found) this.mark.setStyle(styleOf(EDGE_TITLES[found.edge]));
     // For scripts and tests, and those who read the page by ear
-    document.body.dataset.snap = this.shown ? this.shown.edge : "";
+    document.body.dataset.snap = found ? found.edge : "";
   }
 
   private toggle(): void {
     this.isOn = !this.isOn;
-    this.show(null);
+    this.hide();
     const text = this.isOn ? "Drawing snaps to edges: Alt and a click leaves one out." : "Drawing does not snap to edges.";
     this.app.emit("message", { text, kind: "info" });
   }

@@ -175,7 +175,7 @@ export class PlanView implements Pane {
 
   private left(): void {
     this.cursor = null;
-    this.drawing.snapping.show(null);
+    this.drawing.snapping.hide();
     this.app.emit("cursor", null);
   }
 

@@ -9,6 +9,8 @@ import type { Edit } from "../app/documents";
 const GRAB_PX = 12;
 const MOVED_M = 0.001; // a shorter drag is a click
 
+export type DraggedNode = SectionNode & { from: SectionNode };
+
 type Drag =
   | { what: "node"; node: SectionNode; x: number; z: number; grip: [number, number] }
   | { what: "pan"; px: number; py: number; centre: [number, number] };
@@ -17,7 +19,7 @@ export class SectionDrag {
   private drag: Drag | null = null;
 
   // The dragged node at its present position; `from` is where it was
-  get node(): (SectionNode & { from: SectionNode }) | null {
+  get node(): DraggedNode | null {
     if (this.drag?.what !== "node") return null;
     const { node, x, z } = this.drag;
     return { ...node, x, z, from: node };
@@ -61,17 +63,6 @@ export class SectionDrag {
     this.drag = null;
   }
 
-  // The edit that the drag of a node amounts to; null: it was a click
-  edit(plane: Plane): Edit | null {
-    const { node } = this;
-    if (!node || Math.hypot(node.x - node.from.x, node.z - node.from.z) < MOVED_M) return null;
-    const to: [number, number, number] = [...inWorld(plane, node.x, node.y), node.z];
-    const { id } = node.line;
-    return node.vertex === null
-      ? { action: "insert", id, after: node.after, to }
-      : { action: "move", id, vertex: node.vertex, to };
-  }
-
   readout(points: Points | null, title: (kind: string) => string): string {
     const { node } = this;
     if (!node) return "";
@@ -80,6 +71,16 @@ export class SectionDrag {
     const moved = `moved ${signed(node.x - node.from.x)} m across, ${signed(node.z - node.from.z)} m up`;
     return `${title(node.line.kind)}: offset ${signed(node.x)} m${above}; ${moved}`;
   }
+}
+
+// The edit that the drag of a node amounts to; null: it was a click
+export function editOf(node: DraggedNode, plane: Plane): Edit | null {
+  if (Math.hypot(node.x - node.from.x, node.z - node.from.z) < MOVED_M) return null;
+  const to: [number, number, number] = [...inWorld(plane, node.x, node.y), node.z];
+  const { id } = node.line;
+  return node.vertex === null
+    ? { action: "insert", id, after: node.after, to }
+    : { action: "move", id, vertex: node.vertex, to };
 }
 
 // The node within reach of a pixel; of nodes in one place, the one of line `preferred`

@@ -2,6 +2,7 @@
 
 import * as api from "../app/api";
 import type { Place } from "../app/documents";
+import { LatestTask } from "../controls/visibility";
 import { EDGE_TITLES } from "../editing/snapping";
 import { inSection, inWorld, type Plane } from "./nodes";
 import type { Frame } from "./rendering";
@@ -9,32 +10,34 @@ import type { Frame } from "./rendering";
 const REACH_M = 0.3;
 const MARK_PX = 8;
 
+interface Found { x: number; z: number; title: string }
+interface Sought { kind: string; plane: Plane; x: number; answer?: Promise<Found | null> }
+
 export class EdgeSnap {
-  private asked = 0;
-  private pending: Promise<void> = Promise.resolve();
-  private found: { x: number; z: number; title: string } | null = null;
+  private readonly seeking = new LatestTask();
+  private sought: Sought | null = null;
+  private found: Found | null = null;
 
   // Looks for the edge near an offset of the plane; `taken` is called with it, unless another was asked for meanwhile
   seek(kind: string, plane: Plane, x: number, taken: (x: number, z: number) => void): void {
-    const number = ++this.asked;
-    const place: Place = inWorld(plane, x, 0);
-    this.pending = api.snap(kind, place, REACH_M, plane.heading_deg).then(
-      ({ found }) => {
-        if (number !== this.asked || !found) return;
-        this.found = { x: inSection(plane, found.at)[0], z: found.up, title: EDGE_TITLES[found.edge] };
-        taken(this.found.x, this.found.z);
-      },
-      () => undefined, // dragging goes on without
-    );
+    const sought: Sought = { kind, plane, x };
+    this.sought = sought;
+    void this.seeking.run(async () => {
+      if (sought !== this.sought) return;
+      const found = await answerTo(sought);
+      if (sought !== this.sought || !found) return;
+      this.found = found;
+      taken(found.x, found.z);
+    });
   }
 
-  // The answer to what was last asked for is there
-  settled(): Promise<void> {
-    return this.pending;
+  // The edge near the offset that was last asked for: asked at once if it still waits. null: none is seen, or none was asked for
+  async last(): Promise<Found | null> {
+    return this.sought && answerTo(this.sought);
   }
 
   clear(): void {
-    this.asked += 1;
+    this.sought = null;
     this.found = null;
   }
 
@@ -53,5 +56,18 @@ export class EdgeSnap {
 
   get title(): string {
     return this.found?.title ?? "";
+  }
+}
+
+// The server is asked once
+const answerTo = (sought: Sought): Promise<Found | null> => (sought.answer ??= ask(sought));
+
+async function ask({ kind, plane, x }: Sought): Promise<Found | null> {
+  const place: Place = inWorld(plane, x, 0);
+  try {
+    const { found } = await api.snap(kind, place, REACH_M, plane.heading_deg);
+    return found && { x: inSection(plane, found.at)[0], z: found.up, title: EDGE_TITLES[found.edge] };
+  } catch {
+    return null; // dragging goes on without
   }
 }

@@ -9,7 +9,7 @@ import type { Pane } from "../controls/tabs";
 import { Bar } from "../controls/bar";
 import { element } from "../controls/element";
 import { brightened, type Colouring, COLOURINGS } from "../controls/colours";
-import { nodeAt, sameNode, SectionDrag } from "./drag";
+import { editOf, nodeAt, sameNode, SectionDrag } from "./drag";
 import { EdgeSnap } from "./edge-snap";
 import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./rendering";
 import { nodesIn, type SectionNode } from "./nodes";
@@ -46,6 +46,8 @@ export class SectionView implements Pane {
   private colouring: Colouring = "intensity";
   private centre: [x: number, z: number] = [0, 0];
   private followsCursor = false;
+  private presses = 0; // drags begun, and given up or done
+  private drops = 0;
 
   constructor(private readonly app: App) {
     this.maker = new TemplateMaker(app, () => this.draw());
@@ -222,6 +224,8 @@ export class SectionView implements Pane {
     if (event.button !== 0) return;
     this.element.focus({ preventScroll: true });
     if (this.maker.isActive) return this.maker.click(...this.frame().fromPx(...this.at(event)), this.nodes());
+    this.presses += 1;
+    this.edge.clear();
     this.canvas.setPointerCapture(event.pointerId);
     this.drag.press(this.frame(), this.nodes(), this.at(event), this.line?.id ?? "");
     this.draw();
@@ -251,15 +255,19 @@ export class SectionView implements Pane {
   }
 
   private async release(): Promise<void> {
-    await this.edge.settled();
+    // What is dragged next, and another place of the section, leave this node as it was let go
+    const { station, presses, drops } = this;
     const { node } = this.drag;
-    const edit = this.drag.edit(this.station);
+    const edge = node && (await this.edge.last());
+    if (drops !== this.drops) return;
+    const edit = node && editOf({ ...node, ...(edge && { x: edge.x, z: edge.z }) }, station);
     if (edit) await this.app.change(edit);
     else if (node) this.app.select([node.line.id]);
-    this.drop();
+    if (presses === this.presses) this.drop();
   }
 
   private drop(): void {
+    this.drops += 1;
     this.edge.clear();
     this.drag.end();
     this.draw();

@@ -83,6 +83,33 @@ def test_alt_holds_it_off(plan, beside):
     assert [off(place, line) for place in xy] == pytest.approx([0.08, 0.08], abs=0.025)
 
 
+def test_what_is_clicked_while_edges_are_sought_is_of_the_next_line(plan, beside):
+    """Enter takes the vertices that are there: the line is saved once, snapped, without the next one's."""
+    places, line = beside
+    held = []
+    plan.look_at(tuple(np.mean(places, axis=0)), nearer=1)
+    plan.press("d")
+    plan.page.select_option("select[name=kind]", KIND)
+    before = plan.revision
+    plan.page.route("**/api/snap?*", lambda route: held.append(route))
+    for place in places:
+        plan.click(place)
+    plan.press("Enter", "Enter")
+    plan.page.keyboard.down("Alt")
+    plan.click((places[0][0] + 2.0, places[0][1] + 2.0))
+    plan.page.keyboard.up("Alt")
+    for route in tuple(held):
+        route.continue_()
+    plan.page.unroute("**/api/snap?*")
+    drawn = [one for one in plan.saved_since(before)[KIND] if one.review == "drawn"]
+    (xy,) = (one.xyz[:, :2] for one in drawn)
+    assert len(xy) == 2
+    assert max(off(place, line) for place in xy) < 0.04, "by hand both are 8 cm off"
+    # The mark stays hidden once the line is taken away
+    plan.press("Escape")
+    assert plan.page.get_attribute("body", "data-snap") == ""
+
+
 def test_in_the_section_a_dragged_node_snaps_to_its_edge_with_shift(plan, served):
     """The top of a kerb is dragged 10 cm aside and 10 cm up, and ends where the true top is all the same."""
     page = plan.page

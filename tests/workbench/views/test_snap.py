@@ -7,8 +7,9 @@ import pytest
 from tests.workbench.hand_drawn import hands, off
 
 from linework.files.vectors.read_write import read_lines
-from linework.workbench.views import snap
-from linework.workbench.views.snap import snapped_place
+from linework.workbench.views.patches import PatchReader, PointPatch
+from linework.workbench.views.snap import _points_about, snapped_place
+from linework.workbench.views.tiles import patch_reader
 from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 REACH_M = 0.3
@@ -48,14 +49,16 @@ def test_the_direction_need_not_be_known_and_the_order_of_points_does_not_matter
         and off(np.array(found["at"]), one[1]) < 0.03
     )
     first = snapped_place(session, "lane_marking", tuple(place), REACH_M, None)
-    about = snap._points_about
+    points = _points_about(patch_reader(session), tuple(place))
+    patches = PatchReader.patches
 
-    def shuffled(reader, at):
-        points = about(reader, at)
-        mixed = points[np.random.default_rng(1).permutation(len(points))]
-        return mixed[np.lexsort(mixed.T)]
+    def shuffled(reader, bounds, **how):
+        for patch in patches(reader, bounds, **how):
+            order = np.random.default_rng(1).permutation(len(patch))
+            yield PointPatch(patch.corner, *(column[order] for column in patch.columns))
 
-    monkeypatch.setattr(snap, "_points_about", shuffled)
+    monkeypatch.setattr(PatchReader, "patches", shuffled)
+    assert np.array_equal(_points_about(patch_reader(session), tuple(place)), points)
     assert snapped_place(session, "lane_marking", tuple(place), REACH_M, None) == first
 
 
@@ -73,6 +76,7 @@ def test_what_makes_no_sense_is_refused(served):
     for query in (
         "kind=lane_marking&east=0&north=0&reach_m=9",
         "kind=lane_marking&east=0&north=nan&reach_m=0.2",
+        "kind=lane_marking&east=0&north=0&reach_m=1e-300",
     ):
         assert served.client.get(f"/api/snap?{query}").status_code == 422
     assert served.client.get("/api/snap?kind=x&east=0&north=0&reach_m=0.2").status_code == 400

@@ -40,7 +40,7 @@ from linework.workbench.views.points import (
 )
 from linework.workbench.views.pyramid import Lattice
 from linework.workbench.views.search_area import search_area_document
-from linework.workbench.views.snap import FARTHEST_SNAP_M, snapped_place
+from linework.workbench.views.snap import FARTHEST_SNAP_M, LEAST_SNAP_M, snapped_place
 from linework.workbench.views.straightened import FARTHEST_OFFSET_M, straightened_points
 from linework.workbench.views.tiles import prepare_tiles, tile_png
 
@@ -160,7 +160,7 @@ async def get_heights(app_state: CurrentState, wanted: HeightsQuery) -> dict[str
 async def get_snapped(
     app_state: CurrentState, east: QueryMetres, north: QueryMetres,
     kind: Annotated[str, Query(max_length=40)],
-    reach_m: Annotated[float, Query(gt=0.0, le=FARTHEST_SNAP_M, allow_inf_nan=False)],
+    reach_m: Annotated[float, Query(ge=LEAST_SNAP_M, le=FARTHEST_SNAP_M, allow_inf_nan=False)],
     heading_deg: Annotated[float | None, Query(ge=-720.0, le=720.0, allow_inf_nan=False)] = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Return the place on the edge near a place, for a line of a kind; `found` is null where none is visible."""
