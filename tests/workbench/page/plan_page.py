@@ -29,6 +29,13 @@ class PlanPage:
     def revision(self) -> int:
         return int(self.said("revision") or 0)
 
+    def undo_all(self) -> None:
+        """Leave the lines as they were before the first edit."""
+        while self.revision and self.page.is_enabled("button[title^=Undo]"):
+            before = self.revision
+            self.press("Escape", "v", "Control+z")
+            wait_until(lambda before=before: self.revision > before)
+
     @property
     def message(self) -> str:
         return str(self.page.inner_text(".status-bar .message"))

@@ -13,10 +13,7 @@ def plan(page, served):
     plan = PlanPage(page, served)
     yield plan
     # The next test finds the lines as this one did
-    while plan.revision and plan.page.is_enabled("button[title^=Undo]"):
-        before = plan.revision
-        plan.press("Escape", "v", "Control+z")
-        wait_until(lambda before=before: plan.revision > before)
+    plan.undo_all()
 
 
 @pytest.fixture

@@ -17,10 +17,7 @@ KIND = "lane_marking"
 def plan(page, served):
     plan = PlanPage(page, served)
     yield plan
-    while plan.revision and plan.page.is_enabled("button[title^=Undo]"):
-        before = plan.revision
-        plan.press("Escape", "v", "Control+z")
-        wait_until(lambda before=before: plan.revision > before)
+    plan.undo_all()
 
 
 @pytest.fixture

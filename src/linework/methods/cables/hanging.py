@@ -82,7 +82,9 @@ def _carriers(wire: FittedWire, wires: list[FittedWire]) -> list[int]:
     carried = np.zeros(len(stations), dtype=bool)
     carriers = []
     for i, other in enumerate(wires):
-        if not is_sagging(other) or _scatter_m(wire) > _LIKE_SCATTER * _scatter_m(other):
+        if not _may_meet(wire, other) or not is_sagging(other):
+            continue
+        if _scatter_m(wire) > _LIKE_SCATTER * _scatter_m(other):
             continue
         s, o, dz = other.residuals(places)
         is_below = (np.abs(o) <= MOST_ASIDE_M) & (-dz > 0.0) & (-dz <= MOST_BELOW_M)
@@ -91,6 +93,13 @@ def _carriers(wire: FittedWire, wires: list[FittedWire]) -> list[int]:
             carried |= is_below
             carriers.append(i)
     return carriers if carried.mean() >= LEAST_CARRIED else []
+
+
+def _may_meet(wire: FittedWire, other: FittedWire) -> bool:
+    """Return whether two wires are near enough in plan for one to hang from the other."""
+    middles = [w.plan.places(np.array([(w.low_m + w.high_m) / 2.0]))[0] for w in (wire, other)]
+    reach_m = (wire.length_m + other.length_m) / 2.0 + MOST_ASIDE_M
+    return bool(np.hypot(*(middles[1] - middles[0])) <= reach_m)
 
 
 def _scatter_m(wire: FittedWire) -> float:
