@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import io
+import signal
 import sys
 from pathlib import Path
 
 import pytest
 
+from linework.cli import app
 from linework.cli.failures import Interrupted, failure_of, save_log, warn
 from linework.errors import CrsError, InputError, OutputExistsError, PartialError, UsageError
 from linework.library.progress import open_display
@@ -47,6 +49,40 @@ def test_the_exit_code_and_one_line(error, code):
     assert "\n" not in failure.line
     if code not in (130, 141, 143):
         assert failure.line.startswith("error: ")
+
+
+class HalfMade:
+    """What a signal may leave of a library's object: its deletion fails."""
+
+    def __init__(self, code):
+        signal.raise_signal(signal.SIGINT)
+        self.code = code
+
+    def __del__(self):
+        self.code()
+
+
+def half_made(*_args):
+    HalfMade(print)
+
+
+def cleaned_up(*_args):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except BaseException:
+        raise AttributeError("nothing to clean up") from None
+
+
+@pytest.mark.parametrize("run", [half_made, cleaned_up])
+def test_an_interruption_is_one_line_wherever_it_comes(run, monkeypatch, capsys):
+    unraisable = []
+    monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
+    hook = sys.unraisablehook
+    monkeypatch.setattr(app, "_run", run)
+    assert app.main(["info"]) == 130
+    assert capsys.readouterr().err == "interrupted: nothing was written; run the same command again\n"
+    assert not unraisable
+    assert sys.unraisablehook is hook
 
 
 def test_a_line_names_the_file_and_says_what_to_do():

@@ -6,6 +6,7 @@ Nothing heavy is imported here or at the top of a command's module, so that ``li
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import signal
@@ -179,10 +180,17 @@ def _discard(stream: TextIO | None) -> None:
 
 @contextlib.contextmanager
 def _signals_raise() -> Iterator[None]:
-    """Raise an exception on SIGINT and SIGTERM, so that partial files are removed; a second one kills."""
+    """Raise an exception on SIGINT and SIGTERM, so that partial files are removed; a second one kills.
+
+    An object of a library that was being made then may fail when it is deleted: that is nobody's concern.
+    """
+    hook, is_interrupted = sys.unraisablehook, False
 
     def stop(number: int, _frame: FrameType | None) -> None:
+        nonlocal is_interrupted
         signal.signal(number, signal.SIG_DFL)
+        is_interrupted = True
+        sys.unraisablehook = _ignore_failed_deletion
         raise Interrupted(number)
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -193,6 +201,15 @@ def _signals_raise() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        if is_interrupted:
+            gc.collect()  # what was being made, deleted before its failures are told again
+            sys.unraisablehook = hook
+
+
+def _ignore_failed_deletion(failed: sys.UnraisableHookArgs) -> None:
+    """Print what Python would, unless an ordinary error of an object that is deleted after an interruption."""
+    if not isinstance(failed.exc_value, Exception):
+        sys.__unraisablehook__(failed)
 
 
 @contextlib.contextmanager

@@ -82,8 +82,8 @@ def failure_of(error: BaseException) -> CommandFailure:
     >>> failure_of(MemoryError()).exit_code
     5
     """
-    if isinstance(error, Interrupted | KeyboardInterrupt):
-        ending = error if isinstance(error, Interrupted) else Interrupted(2)
+    ending = _interruption(error)
+    if ending is not None:
         return CommandFailure(ending.message, 128 + ending.signal_number)
     if isinstance(error, BrokenPipeError):
         return CommandFailure("", 141)  # the reader closed the pipe: 128 + SIGPIPE, as a shell reports it
@@ -104,6 +104,16 @@ def failure_of(error: BaseException) -> CommandFailure:
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     bug = LineworkError(f"{what} (a bug in linework, not in your data)", where="linework")
     return CommandFailure(f"error: {bug}", 1, is_bug=True)
+
+
+def _interruption(error: BaseException) -> Interrupted | None:
+    """Return the interruption that an exception is, or in whose handling a library raised it; None: neither."""
+    at: BaseException | None = error
+    while at is not None:
+        if isinstance(at, Interrupted | KeyboardInterrupt):
+            return at if isinstance(at, Interrupted) else Interrupted(2)
+        at = at.__cause__ or at.__context__
+    return None
 
 
 def _from_own(error: LineworkError) -> CommandFailure:
