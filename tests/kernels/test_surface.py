@@ -142,18 +142,20 @@ def test_the_layer_of_a_cell_counts_its_lowest_point_and_forgets_the_order():
         found.append((low, count, *surface.lowest_layer(cells, z, low, 0.2)))
     for one, other in zip(*found, strict=True):
         assert np.array_equal(one, other)
-    low, count, height, spread = found[0]
+    low, count, height, spread, number = found[0]
     inside = (xyz[:, 0] < 0.5) & (xyz[:, 1] >= 1.5)
     layer = np.sort(xyz[inside, 2])
     layer = layer[layer <= layer[0] + 0.2]
     assert count[0, 0] == inside.sum()
+    assert number[0, 0] == len(layer)
     assert height[0, 0] == pytest.approx(layer.mean(), abs=1e-4)
     assert spread[0, 0] == pytest.approx(layer.std(), abs=1e-4)
 
 
 def test_one_point_has_a_height_and_no_spread():
     cells, z, low, _ = surface.lowest_supported(np.array([[0.2, 0.2, 101.3]]), 0, 0, 1, 1, 0.5, 100.0, 0.15)
-    height, spread = surface.lowest_layer(cells, z, low, 0.2)
+    height, spread, number = surface.lowest_layer(cells, z, low, 0.2)
+    assert number[0, 0] == 1
     assert height[0, 0] == pytest.approx(1.3, abs=1e-6)
     assert np.isnan(spread[0, 0])
 

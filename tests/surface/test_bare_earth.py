@@ -155,3 +155,32 @@ def test_bare_cells_do_not_depend_on_the_window(cell_m):
         found = bare_cells(part, around, halo, blocks_around(part), config)
         for one, other in zip(found, expected, strict=True):
             assert np.array_equal(one, other[whole.part(part)])
+
+
+def with_strays(xyz, share, depth_m, seed):
+    """Points with a share of them again up to a depth below: reflected twice, or out of a saturated receiver."""
+    rng = np.random.default_rng(seed)
+    stray = xyz[rng.random(len(xyz)) < share]
+    return np.concatenate(
+        [xyz, stray - np.column_stack([np.zeros((len(stray), 2)), rng.uniform(0.1, 1, len(stray)) * depth_m])]
+    )
+
+
+@pytest.mark.parametrize("depth_m", [2.0, 30.0])
+@pytest.mark.parametrize(("per_m2", "share"), [(6, 0.002), (60, 0.004), (240, 0.01)])
+def test_stray_points_below_a_narrow_road_leave_its_ground(per_m2, share, depth_m):
+    east, north = field(160.0, 12.0, per_m2=per_m2)
+    xyz = cloud(east, north, 0.01 * east)
+    clean = find_ground(Points(xyz))
+    ground = find_ground(Points(with_strays(xyz, share, depth_m, seed=3)))
+    assert ground.is_ground.sum() > 0.99 * clean.is_ground.sum()
+    assert (np.abs(off_by(ground, east, north, 0.01 * east)) > 0.2).mean() < 0.01
+
+
+def test_ground_seen_in_single_cells_below_a_crop_is_ground():
+    """1.5 m high and as flat as a road from above; a ray in 200 reaches the soil."""
+    east, north = field(60.0, 60.0, per_m2=40)
+    soil = np.random.default_rng(4).random(len(east)) < 0.005
+    ground = find_ground(Points(cloud(east, north, np.where(soil, 0.0, 1.5))))
+    inside = soil & (np.abs(east - 30) < 20) & (np.abs(north - 30) < 20)
+    assert at(ground.is_ground, ground, east[inside], north[inside]).mean() > 0.9

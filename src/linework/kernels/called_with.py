@@ -56,6 +56,8 @@ cells.bins.steps_to_set = paint boundaries
     b1:2C i8
 cells.blocks.lowest_of_blocks = paint boundaries rails cables points
     f4:2C i8 i8 i8 i8 i8
+cells.blocks.supported_lowest = paint boundaries rails cables points
+    f4:3C f8 i8
 cells.floor.cell_sums = paint boundaries
     f8:2C i8:1C i8:1C
 cells.floor.cells_near_ground = paint boundaries
@@ -80,6 +82,8 @@ cells.openings.lowered_by_slope = paint boundaries rails cables points
     f4:2C i8 f8 f8
 cells.openings.opened = paint boundaries rails cables points
     f4:2C i8
+cells.openings.without_pits = paint boundaries rails cables points
+    f4:2C f8
 cells.planes.interpolated = paint boundaries rails cables points
     i8:3C b1:2C i8:1C i8 f8 i8 i8
 cells.planes.summed_moments = paint boundaries rails cables points
@@ -96,6 +100,8 @@ cells.regions.sizes_of_labels = paint boundaries rails cables points
     i4:2C i4:2C i8
 cells.regions.with_labels = paint boundaries rails cables points
     i4:2C b1:1C
+cells.surface.above_strays = paint boundaries rails cables points
+    i4:1C f4:1C f4:2C i4:2C i4:2C f8 i8 f8
 cells.surface.count_in_steps = paint boundaries rails cables points
     f4:2C f8 i8
 cells.surface.height_above = rails cables classes

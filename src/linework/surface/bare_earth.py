@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,7 +54,7 @@ _INF = np.float32(np.inf)
 
 def bare_halo(config: RoadConfig) -> int:
     """Return the width of the halo of cells around a window on which its bare cells depend. [cells]."""
-    return max(_edge_cells(config), block_halos(config).get(1, 0))
+    return max(_edge_cells(config), block_halos(config).get(1, 0)) + 1  # cells next to which one may be a pit
 
 
 def block_halos(config: RoadConfig) -> dict[int, int]:
@@ -117,24 +118,29 @@ def _bare_cells(
     config: RoadConfig,
 ) -> tuple[BoolArray, BoolArray]:
     """Return earth and gentle cells of a window, given the heights of the cells around it."""
-    blocks = {**blocks, 1: BlockHeights.of(around, height, 1)}
-    z = blocks[1].lowest
-    layer = np.float32(config.layer_m)
+    measured = np.where(np.isnan(height), _INF, height)
+    layer, depth = np.float32(config.layer_m), _EDGE_SLOPE * config.cell_m
+    # A cell that stands alone below those around it, with stray points alone, says nothing about them
+    z = kernels.without_pits(measured, depth)
+    levels = {size: _Level(size, b.window, b.lowest_supported(depth), b.known) for size, b in blocks.items()}
+    levels[1] = _Level(1, around, z, np.isfinite(measured))
     # Gentle: no cell nearby is lower by more than the slope of an edge
-    reach, rise = _edge_cells(config), _EDGE_SLOPE * config.cell_m
+    reach, rise = _edge_cells(config), depth
     near = np.ascontiguousarray(z[around.part(window.grown(reach))])
     lowered = kernels.lowered_by_slope(near, reach, rise, rise * math.sqrt(2.0))[reach:-reach, reach:-reach]
-    own = z[around.part(window)]
+    own, filled = measured[around.part(window)], z[around.part(window)]
     gentle = np.isfinite(own) & (own <= lowered + layer)
-    slope_blocks, slope = _terrain_slope(blocks[_slope_block(config)], window, config)
+    slope_blocks, slope = _terrain_slope(levels[_slope_block(config)], window, config)
     places = places_in_blocks(slope_blocks, _slope_block(config), window)
     limit = np.full(window.shape, _INF)
     for size, n_blocks in _openings(config):
         over = blocks_over(window, size).grown(2 * n_blocks)
-        level = _opened(blocks[size], over, n_blocks)
+        level = _opened(levels[size], over, n_blocks)
         half_m = n_blocks * size * config.cell_m
         kernels.lower_limits(limit, level, *places_in_blocks(over, size, window), slope, *places, half_m)
-    return gentle & (own <= limit + layer) & _has_surroundings(blocks, window, config), gentle
+    # A pit in earth is none: in a forest the cells around one are leaves
+    is_earth = (own <= limit + layer) & ((filled == own) | (filled > limit + layer))
+    return gentle & is_earth & _has_surroundings(levels, window, config), gentle
 
 
 def _openings(config: RoadConfig) -> list[tuple[int, int]]:
@@ -158,9 +164,16 @@ def _edge_cells(config: RoadConfig) -> int:
     return max(math.ceil(_EDGE_REACH_M / config.cell_m), 1)
 
 
-def _terrain_slope(
-    blocks: BlockHeights, window: CellWindow, config: RoadConfig
-) -> tuple[CellWindow, Float32Array]:
+class _Level(NamedTuple):
+    """The lowest heights of blocks of one size, without stray ones, and how many cells of each have a height."""
+
+    size: int
+    window: CellWindow
+    lowest: Float32Array
+    known: AnyArray
+
+
+def _terrain_slope(blocks: _Level, window: CellWindow, config: RoadConfig) -> tuple[CellWindow, Float32Array]:
     """Return the blocks of a window, and the slope of the terrain about each without what stands on it. [m/m].
 
     It is the sum of the slopes along rows and columns: by so much a square window falls.
@@ -190,9 +203,7 @@ def _quantile_about(values: Float32Array, n: int, share: float) -> Float32Array:
     return np.where(np.isnan(found), np.float32(0.0), found)
 
 
-def _has_surroundings(
-    blocks: Mapping[int, BlockHeights], window: CellWindow, config: RoadConfig
-) -> BoolArray:
+def _has_surroundings(blocks: Mapping[int, _Level], window: CellWindow, config: RoadConfig) -> BoolArray:
     """Return which cells of a window have enough known cells about them to say what stands on what."""
     size, n_blocks = max(_openings(config))
     own = blocks_over(window, size)
@@ -204,7 +215,7 @@ def _has_surroundings(
     return np.asarray((total * config.cell_m**2 >= _LEAST_KNOWN_M2)[rows][:, cols])
 
 
-def _opened(blocks: BlockHeights, window: CellWindow, n: int) -> Float32Array:
+def _opened(blocks: _Level, window: CellWindow, n: int) -> Float32Array:
     """Return the opening of the blocks of a window by one of 2 n + 1. Unknown blocks are infinite.
 
     Windows about unknown blocks do not count: a roof beside which the data end is narrower than any window.

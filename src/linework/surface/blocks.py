@@ -11,6 +11,9 @@ from linework.arrays import AnyArray, Float32Array, IntArray
 from linework.kernels.cells import blocks as kernels
 from linework.surface.cells import CellWindow
 
+#: Cells that support a lowest one: two stray cells of a block have about the same height by chance, three do not.
+_N_SUPPORT = 2
+
 
 @dataclass(frozen=True, slots=True)
 class BlockHeights:
@@ -23,7 +26,8 @@ class BlockHeights:
     window
         The blocks, in numbers of blocks.
     lowest
-        (n_rows, n_cols) float32 lowest height of the cells of each block; infinite without any. [m]
+        (n_rows, n_cols, 6) float32 lowest heights of the cells of each block, ascending; infinite where there are no
+        more. [m]
     known
         (n_rows, n_cols) int32 cells of each block that have a height.
     """
@@ -48,7 +52,7 @@ class BlockHeights:
         --------
         >>> heights = np.array([[4.0, 3.0, np.nan]], dtype=np.float32)
         >>> found = BlockHeights.of(CellWindow(1, 6, 1, 3), heights, 2)
-        >>> found.window, found.lowest.tolist(), found.known.tolist()
+        >>> found.window, found.lowest[..., 0].tolist(), found.known.tolist()
         (CellWindow(west=0, south=3, n_rows=1, n_cols=2), [[4.0, 3.0]], [[1, 1]])
         """
         own = blocks_over(window, size)
@@ -64,15 +68,25 @@ class BlockHeights:
     @classmethod
     def united(cls, size: int, window: CellWindow, parts: Iterable[BlockHeights]) -> BlockHeights:
         """Return the blocks of a window, in numbers of blocks, put together from windows of which none has a cell of another."""
-        lowest = np.full(window.shape, np.float32(np.inf))
+        lowest = np.full((*window.shape, kernels.N_LOW), np.float32(np.inf))
         known = np.zeros(window.shape, dtype=np.int32)
         for part in parts:
             shared = window.common(part.window)
             if shared:
                 to, at = window.part(shared), part.window.part(shared)
-                lowest[to] = np.minimum(lowest[to], part.lowest[at])
+                both = np.concatenate([lowest[to], part.lowest[at]], axis=-1)
+                lowest[to] = np.sort(both, axis=-1)[..., : kernels.N_LOW]
                 known[to] += part.known[at]
         return cls(size, window, lowest, known)
+
+    def lowest_supported(self, step_m: float) -> Float32Array:
+        """Return the lowest height of each block, (n_rows, n_cols) float32 [m]; infinite without any.
+
+        A cell with stray points alone lies below all others: it is passed over unless two of the block are at most a
+        step higher.
+        """
+        lowest: Float32Array = kernels.supported_lowest(self.lowest, step_m, _N_SUPPORT)
+        return lowest
 
 
 def blocks_over(window: CellWindow, size: int) -> CellWindow:

@@ -15,6 +15,10 @@ from linework.surface.config import RoadConfig
 
 #: Local height origins are whole multiples of this, so that float32 resolves 0.01 mm. [m]
 HEIGHT_ORIGIN_M = 100.0
+#: Points below the ground (reflected twice, or of a receiver that saturates) are few and scattered: a layer of them has
+#: not a twentieth of the points of the densest one of its cell. Ground that is seen through leaves has, because leaves are
+#: at all heights. With fewer points than this in the densest layer nothing is said. [ratio], [points]
+_STRAY_SHARE, _LEAST_DENSEST = 0.05, 20
 #: Bin of the histogram of spreads [m], far below what distinguishes asphalt from grass; and number of bins: a layer of
 #: at most 1 m spreads at most half of that.
 _SPREAD_STEP_M, _N_SPREADS = 0.001, 501
@@ -53,7 +57,12 @@ def cell_heights(xyz: FloatArray, window: CellWindow, z0_m: float, config: RoadC
     """
     xyz = np.ascontiguousarray(xyz, dtype=np.float64)
     cells, z, low, count = kernels.lowest_supported(xyz, *window, config.cell_m, z0_m, config.support_m)
-    height, spread = kernels.lowest_layer(cells, z, low, config.layer_m)
+    height, spread, number = kernels.lowest_layer(cells, z, low, config.layer_m)
+    low, n_changed = kernels.above_strays(
+        cells, z, low, count, number, config.layer_m, _LEAST_DENSEST, _STRAY_SHARE
+    )
+    if n_changed:
+        height, spread, _ = kernels.lowest_layer(cells, z, low, config.layer_m)
     return CellHeights(window, height, spread, count)
 
 

@@ -7,6 +7,9 @@ from numba import njit
 
 from linework.arrays import Float32Array, IntArray
 
+#: Known cells around one of which is said that it stands alone.
+_LEAST_AROUND = 3
+
 
 @njit(cache=True, nogil=True)
 def opened(z: Float32Array, n: int) -> Float32Array:
@@ -56,6 +59,39 @@ def _highest_within(z: Float32Array, n: int) -> Float32Array:
         one, other = other, one
         done += step
     return one
+
+
+@njit(cache=True, nogil=True)
+def without_pits(z: Float32Array, depth: float) -> Float32Array:
+    """Return heights (n_rows, n_cols) float32 in which no cell stands alone below the eight around it. [m].
+
+    A cell that is more than `depth` [m] below all known ones around it but one, and farther than those are from each
+    other, gets the height of the second lowest. With fewer than three around it, it stays. Empty cells are infinite.
+    """
+    n_rows, n_cols = z.shape
+    out = z.copy()
+    inf = np.float32(np.inf)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            here = z[r, c]
+            if here == inf:
+                continue
+            first, second, highest = inf, inf, -inf
+            n = 0
+            for i in range(max(r - 1, 0), min(r + 2, n_rows)):
+                for j in range(max(c - 1, 0), min(c + 2, n_cols)):
+                    other = z[i, j]
+                    if other == inf or (i == r and j == c):
+                        continue
+                    n += 1
+                    highest = max(highest, other)
+                    if other < first:
+                        first, second = other, first
+                    elif other < second:
+                        second = other
+            if n >= _LEAST_AROUND and second - here > max(np.float32(depth), highest - second):
+                out[r, c] = second
+    return out
 
 
 @njit(cache=True, nogil=True)

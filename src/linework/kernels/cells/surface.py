@@ -11,6 +11,8 @@ from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, Int
 FIXED = 2.0**20
 #: Lowest points kept per cell: up to three stray points are passed over.
 _N_LOW = 4
+#: Points of a layer that is no chance: two strays have about the same height now and then.
+_N_LAYER = 3
 #: Bits dropped from the squares of heights in steps: 2**31 points of a layer 1 m thick have room in a cell.
 _SQUARE_BITS = 8
 #: Runs of wanted columns less than this apart are processed as one: short ones cost more. [columns]
@@ -78,10 +80,77 @@ def lowest_supported(
 
 
 @njit(cache=True, nogil=True)
+def above_strays(
+    cells: Int32Array,
+    heights: Float32Array,
+    low: Float32Array,
+    count: Int32Array,
+    number: Int32Array,
+    thickness: float,
+    least: int,
+    share: float,
+) -> tuple[Float32Array, int]:
+    """Return the lows of cells, where layers of points tell strays from the ground, and how many have changed.
+
+    The lowest layer with at least `share` of the points of the densest one, and three, is the ground.
+
+    Parameters
+    ----------
+    cells, heights, low, count
+        As `lowest_supported` returns them.
+    number
+        (n_rows, n_cols) int32 points of the lowest layer: `lowest_layer`.
+    thickness
+        Of a layer. [m]
+    least, share
+        Points of a densest layer of which this can be said, and the share.
+    """
+    floor, n_points, n_lowest = low.reshape(-1).copy(), count.reshape(-1), number.reshape(-1)
+    # Where the points of each cell that may have strays begin
+    begin = np.full(len(floor), -1, dtype=np.int64)
+    total = 0
+    for at in range(len(floor)):
+        if n_points[at] >= least and n_lowest[at] < max(_N_LAYER, share * n_points[at]):
+            begin[at] = total
+            total += n_points[at]
+    if total == 0:
+        return floor.reshape(low.shape), 0
+    inside = np.empty(total, dtype=np.float32)
+    end = begin.copy()
+    for i in range(len(cells)):
+        at = cells[i]
+        if at >= 0 and begin[at] >= 0:
+            inside[end[at]] = heights[i]
+            end[at] += 1
+    n_changed = 0
+    for at in range(len(floor)):
+        if begin[at] < 0:
+            continue
+        ordered = np.sort(inside[begin[at] : end[at]])
+        # Points from each on within the thickness
+        n_layer = np.zeros(len(ordered), dtype=np.int64)
+        stop = 0
+        for k in range(len(ordered)):
+            while stop < len(ordered) and ordered[stop] - ordered[k] <= thickness:
+                stop += 1
+            n_layer[k] = stop - k
+        densest = n_layer.max()
+        if densest < least:
+            continue
+        k = 0
+        while n_layer[k] < max(_N_LAYER, share * densest):
+            k += 1
+        if ordered[k] > floor[at]:
+            floor[at] = ordered[k]
+            n_changed += 1
+    return floor.reshape(low.shape), n_changed
+
+
+@njit(cache=True, nogil=True)
 def lowest_layer(
     cells: Int32Array, heights: Float32Array, low: Float32Array, thickness: float
-) -> tuple[Float32Array, Float32Array]:
-    """Return mean height and standard deviation of the points within `thickness` above each cell's low.
+) -> tuple[Float32Array, Float32Array, Int32Array]:
+    """Return mean and standard deviation of heights, and number, of the points within `thickness` above each cell's low.
 
     Sums are of whole numbers: neither the order of the points nor their batches matter.
 
@@ -94,8 +163,8 @@ def lowest_layer(
 
     Returns
     -------
-    mean, spread
-        (n_rows, n_cols) float32 each, NaN in empty cells; the spread also with one point. [m]
+    mean, spread, number
+        (n_rows, n_cols) float32 each, NaN in empty cells; the spread also with one point [m]; int32.
     """
     n_rows, n_cols = low.shape
     floor = low.reshape(-1)
@@ -124,7 +193,7 @@ def lowest_layer(
                 spread[at] = np.float32(
                     np.sqrt(max(square[at] / n * (2.0**_SQUARE_BITS / FIXED / FIXED) - m * m, 0.0))
                 )
-    return mean.reshape((n_rows, n_cols)), spread.reshape((n_rows, n_cols))
+    return mean.reshape((n_rows, n_cols)), spread.reshape((n_rows, n_cols)), number.reshape((n_rows, n_cols))
 
 
 @njit(cache=True, nogil=True)

@@ -48,7 +48,7 @@ from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 
 #: Version of the arrays on disk: surfaces of another version are made again.
-_VERSION = 5
+_VERSION = 6
 #: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
 SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
