@@ -407,3 +407,25 @@ def test_a_store_without_smooth_places_has_ground_and_no_road(tmp_path):
     surface = surface_of(store, None, tmp_path / "surface", config=rough).over(store.bounds)
     assert surface.is_ground.mean() > 0.8
     assert np.isfinite(surface.road_m).all()
+
+
+@pytest.mark.parametrize("layout", [SMALL_TILES, SurfaceTiling(50, (3, -7))])
+def test_stray_points_are_left_out_alike_in_any_tiles(tmp_path, layout):
+    rng = np.random.default_rng(6)
+    road = plane(rng, 0, 2, 100, 14, per_m2=100)
+    below = road[rng.random(len(road)) < 0.01] - [0.0, 0.0, 3.0]
+    below[:, 2] += rng.uniform(-2.5, 2.5, len(below))
+    around = rng.uniform([-20, -20, -20], [120, 40, 60], (2000, 3)) + CORNER
+    xyz = on_lattice(np.concatenate([road, below, around]))
+    store = store_of(tmp_path / "store", xyz)
+    tiled = surface_of(store, None, tmp_path / "surface", layout=layout).over(Points(xyz).bounds)
+    whole = find_ground(Points(xyz), None, CONFIG)
+    for name in ("is_road", "is_ground", "ground_m"):
+        one, two = (getattr(ground, name)[cells_at(ground, road)] for ground in (whole, tiled))
+        assert np.array_equal(one, two), name
+    assert whole.is_road[cells_at(whole, road)].mean() > 0.98
+
+
+def cells_at(ground, xyz):
+    rows, cols = ground.grid.to_cell(xyz[:, :2])
+    return np.floor(rows).astype(int), np.floor(cols).astype(int)

@@ -184,3 +184,25 @@ def test_ground_seen_in_single_cells_below_a_crop_is_ground():
     ground = find_ground(Points(cloud(east, north, np.where(soil, 0.0, 1.5))))
     inside = soil & (np.abs(east - 30) < 20) & (np.abs(north - 30) < 20)
     assert at(ground.is_ground, ground, east[inside], north[inside]).mean() > 0.9
+
+
+def with_scattered(xyz, n, seed):
+    """Points with others anywhere around, up to 20 m below and 60 m above: rain, birds, a receiver that fires by itself."""
+    low, high = np.subtract(xyz.min(axis=0), 20), np.add(xyz.max(axis=0), [20, 20, 60])
+    return np.concatenate([xyz, np.random.default_rng(seed).uniform(low, high, (n, 3))])
+
+
+@pytest.mark.parametrize("n", [300, 3000])
+def test_points_anywhere_around_a_road_leave_its_ground(n):
+    east, north = field(100.0, 14.0, per_m2=200)
+    xyz = cloud(east, north, 0.01 * east)
+    ground = find_ground(Points(with_scattered(xyz, n, seed=5)))
+    assert at(ground.is_road, ground, east, north).mean() > 0.98
+    assert (np.abs(off_by(ground, east, north, 0.01 * east)) > 0.2).mean() < 0.01
+    assert ground.is_ground.sum() < 1.02 * 4 * 100 * 14
+
+
+def test_single_points_are_the_ground_of_a_thin_survey():
+    east, north = field(100.0, 60.0, per_m2=2)
+    ground = find_ground(Points(cloud(east, north, hill(east, north))))
+    assert at(ground.is_ground, ground, east, north).mean() > 0.99

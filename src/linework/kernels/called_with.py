@@ -82,6 +82,8 @@ cells.openings.lowered_by_slope = paint boundaries rails cables points
     f4:2C i8 f8 f8
 cells.openings.opened = paint boundaries rails cables points
     f4:2C i8
+cells.openings.supported_cells = paint boundaries rails cables points
+    f4:2C b1:2C i8 f8 f8 i8
 cells.openings.without_pits = paint boundaries rails cables points
     f4:2C f8
 cells.planes.interpolated = paint boundaries rails cables points

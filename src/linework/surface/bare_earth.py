@@ -47,6 +47,8 @@ _EDGE_SLOPE, _EDGE_REACH_M = 1.0, 5.0
 #: A lamp of which nothing else is known for the widest window stands on unknown ground: larger than the roof of a
 #: lorry. [m2]
 _LEAST_KNOWN_M2 = 25.0
+#: So few cells of a block, and fewer than twice as many in the nine about it, do not show what stands on what. [cells]
+_FEW_CELLS = 3
 #: Blocks around those of a window on which its slopes depend.
 _SLOPE_HALO = 2 * _SLOPE_OPENING + 1 + _SLOPE_REACH
 _INF = np.float32(np.inf)
@@ -54,14 +56,14 @@ _INF = np.float32(np.inf)
 
 def bare_halo(config: RoadConfig) -> int:
     """Return the width of the halo of cells around a window on which its bare cells depend. [cells]."""
-    return max(_edge_cells(config), block_halos(config).get(1, 0)) + 1  # cells next to which one may be a pit
+    return max(_edge_cells(config) + 1, block_halos(config).get(1, 0))  # cells next to which one may be a pit
 
 
 def block_halos(config: RoadConfig) -> dict[int, int]:
     """Return the sides of all blocks on which bare cells depend [cells], ascending, and how many around a window's own."""
-    found = {_slope_block(config): _SLOPE_HALO}
+    found = {_slope_block(config): _SLOPE_HALO + 1}  # blocks next to which one may be a pit
     for size, n_blocks in _openings(config):
-        found[size] = max(found.get(size, 0), 2 * n_blocks)
+        found[size] = max(found.get(size, 0), 2 * n_blocks + 1)
     return dict(sorted(found.items()))
 
 
@@ -122,7 +124,7 @@ def _bare_cells(
     layer, depth = np.float32(config.layer_m), _EDGE_SLOPE * config.cell_m
     # A cell that stands alone below those around it, with stray points alone, says nothing about them
     z = kernels.without_pits(measured, depth)
-    levels = {size: _Level(size, b.window, b.lowest_supported(depth), b.known) for size, b in blocks.items()}
+    levels = {size: _level(found, depth) for size, found in blocks.items()}
     levels[1] = _Level(1, around, z, np.isfinite(measured))
     # Gentle: no cell nearby is lower by more than the slope of an edge
     reach, rise = _edge_cells(config), depth
@@ -171,6 +173,15 @@ class _Level(NamedTuple):
     window: CellWindow
     lowest: Float32Array
     known: AnyArray
+
+
+def _level(blocks: BlockHeights, depth: float) -> _Level:
+    """Return blocks without those of stray cells: few with few about them, and such as stand alone below all around."""
+    lowest = blocks.lowest_supported(depth)
+    padded = np.pad(blocks.known.astype(np.int64), 1)
+    about = sum(padded[r : r + lowest.shape[0], c : c + lowest.shape[1]] for r in range(3) for c in range(3))
+    lowest[(blocks.known < _FEW_CELLS) & (about < 2 * _FEW_CELLS)] = _INF
+    return _Level(blocks.size, blocks.window, kernels.without_pits(lowest, depth * blocks.size), blocks.known)
 
 
 def _terrain_slope(blocks: _Level, window: CellWindow, config: RoadConfig) -> tuple[CellWindow, Float32Array]:

@@ -3,7 +3,8 @@
 The papers start from heights that are "normalized by making the road surface height equal to zero"
 and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) without saying how. Here:
 
-1. the lowest supported height of every cell: stray points below the ground are isolated;
+1. the lowest supported height of every cell: stray points below the ground are isolated, and single ones that
+   nothing around continues are no ground (`linework.surface.strays`);
 2. the mean of the layer above it, and its spread (roughness);
 3. the ground is where the bare earth shows, road or no road: verges, banks, pavements, fields, not roofs
    (`linework.surface.bare_earth`);
@@ -15,6 +16,8 @@ and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) witho
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +41,7 @@ from linework.surface.heights import (
     rough_limit_m,
 )
 from linework.surface.regions import Islands, cell_regions, cells_with, region_halo
+from linework.surface.strays import STRAY_HALO, LoneCells, without_strays
 
 
 def find_ground(
@@ -75,6 +79,11 @@ def find_ground(
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])
     # Lowest supported height of every cell, and spread of the layer above it
     heights = cell_heights(points.xyz, window, z0_m, config)
+    if LoneCells.of(heights).may_be_stray:
+        near, near_spread, n_near = (
+            _with_halo(plane, STRAY_HALO) for plane in (heights.height, heights.spread, heights.count)
+        )
+        heights = replace(heights, height=without_strays(near, near_spread, n_near, config))
     limit_m = rough_limit_m(count_spreads(heights.spread), config)
     # Regions that continue the slope, and looser ones
     regions, facts = cell_regions(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from linework.arrays import Float32Array, IntArray
+from linework.arrays import BoolArray, Float32Array, IntArray
 
 #: Known cells around one of which is said that it stands alone.
 _LEAST_AROUND = 3
@@ -91,6 +91,47 @@ def without_pits(z: Float32Array, depth: float) -> Float32Array:
                         second = other
             if n >= _LEAST_AROUND and second - here > max(np.float32(depth), highest - second):
                 out[r, c] = second
+    return out
+
+
+@njit(cache=True, nogil=True)
+def supported_cells(
+    height: Float32Array, is_thin: BoolArray, reach: int, rise: float, step: float, least: int
+) -> BoolArray:
+    """Return which cells are known and not thin, or thin and continued by those around.
+
+    Parameters
+    ----------
+    height
+        (n_rows + 2 r, n_cols + 2 r) float32, with a halo of r = `reach` cells; NaN in empty cells. [m]
+    is_thin
+        The same shape, bool: of a few points.
+    reach, rise, step
+        A cell continues another within so many rows and columns if it differs by at most `rise` for each cell between
+        their middles, and a step. [cells], [m], [m]
+    least
+        Cells that continue a thin one.
+
+    Returns
+    -------
+    is_supported
+        (n_rows, n_cols) bool.
+    """
+    n_rows, n_cols = height.shape[0] - 2 * reach, height.shape[1] - 2 * reach
+    out = np.zeros((n_rows, n_cols), dtype=np.bool_)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            here = height[r + reach, c + reach]
+            if np.isnan(here) or not is_thin[r + reach, c + reach]:
+                out[r, c] = not np.isnan(here)
+                continue
+            n = 0
+            for i in range(-reach, reach + 1):
+                for j in range(-reach, reach + 1):
+                    other = height[r + reach + i, c + reach + j]
+                    if (i != 0 or j != 0) and abs(other - here) <= rise * np.sqrt(i * i + j * j) + step:
+                        n += 1
+            out[r, c] = n >= least
     return out
 
 

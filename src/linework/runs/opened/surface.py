@@ -46,6 +46,7 @@ from linework.surface.choose import Choice, RegionLink
 from linework.surface.config import RoadConfig
 from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
+from linework.surface.strays import LoneCells
 
 #: Version of the arrays on disk: surfaces of another version are made again.
 _VERSION = 6
@@ -300,20 +301,25 @@ class _Making:
     def surface(self) -> list[TileNumber]:
         """Run all passes; return the tiles that have a surface."""
         # The lowest supported height of every cell, and how much the layer above it spreads
-        spreads = self._run(0, passes.find_heights, self._occupied)
-        self._task = replace(self._task, rough_limit_m=rough_limit_m(_added(spreads.values()), self._config))
+        found = self._run(0, passes.find_heights, self._occupied)
+        self._task = replace(
+            self._task,
+            rough_limit_m=rough_limit_m(_added(spreads for spreads, _ in found.values()), self._config),
+            may_be_stray=LoneCells.added(lone for _, lone in found.values()).may_be_stray,
+        )
+        filled = self._run(1, passes.leave_strays_out, [tile for tile, (n, _) in found.items() if len(n)])
         # Regions that continue the slope, and looser ones, united across the edges of tiles
-        facts = self._run(1, passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
+        facts = self._run(2, passes.find_regions, filled)
         names = sorted(facts)
         choice = Choice([facts.pop(name) for name in names], self._links(names), self._config.cell_m)
         # The road is under the van; the ground is bare earth, and what roads lie on
         for i, name in enumerate(names):
             self._tiles.write(passes.CHOSEN, name, choice.road_labels(i), choice.ground_labels(i))
-        coarse = CoarseGround.added(*self._run(2, passes.coarse_heights, names).values())
+        coarse = CoarseGround.added(*self._run(3, passes.coarse_heights, names).values())
         self._tiles.write_common(passes.COARSE, coarse.blocks, coarse.total, coarse.cells)
         # Beyond its edge the road is carried on, and gives way to the ground
         has = self._run(
-            3, passes.extend_tile_surface, [tile for tile in self._reached if tile not in self.failed]
+            4, passes.extend_tile_surface, [tile for tile in self._reached if tile not in self.failed]
         )
         self._advance(self._n_steps, self._n_steps)
         self._tiles.keep_only(passes.SURFACE, passes.COARSE)
@@ -367,7 +373,7 @@ class _Making:
 
     @property
     def _n_steps(self) -> int:
-        return 3 * len(self._occupied) + len(self._reached)
+        return 4 * len(self._occupied) + len(self._reached)
 
     def _links(self, names: Sequence[TileNumber]) -> list[RegionLink]:
         """Return the regions that are connected across the edges between tiles."""

@@ -24,7 +24,7 @@ from linework.model.grid import Bounds
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
 
-#: Bytes of a cell in each plane: height, spread and number of points; two labels; road, ground, kind and
+#: Bytes of a cell in each plane: height, spread and number of points, as measured and without strays; two labels; road, ground, kind and
 #: sigma.
 _CELLS, _LABELS, _SURFACE = (4, 4, 4), (4, 4), (4, 4, 1, 2)
 #: Bytes of a block of cells: lowest heights, and number of known cells.
@@ -99,9 +99,9 @@ def surface_cost(
     n_tiles = n_files = n_bytes = 0
     for n in occupied:
         # Each cell with points ends two stretches: the empty cells before it, and itself
-        n_files += 4
-        n_bytes += 4 * _FILE_BYTES
-        n_bytes += _at_most(2 * n + 1, (*_CELLS, *_LABELS), n_cells**2)
+        n_files += 5
+        n_bytes += 5 * _FILE_BYTES
+        n_bytes += _at_most(2 * n + 1, (*_CELLS, *_CELLS, *_LABELS), n_cells**2)
         # A tile may begin and end within a block
         n_bytes += sum(_at_most(2 * n + 1, _BLOCK, (n_cells // size + 2) ** 2) for size in sizes)
         n_bytes += _at_most(2 * n + 4, (_EDGE_BYTES,), _EDGE_SIDES * n_cells)

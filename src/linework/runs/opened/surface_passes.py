@@ -27,14 +27,15 @@ from linework.surface.blocks import BlockHeights, blocks_over
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
-from linework.surface.heights import cell_heights, count_spreads
+from linework.surface.heights import CellHeights, cell_heights, count_spreads
 from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with, region_halo
+from linework.surface.strays import STRAY_HALO, LoneCells, without_strays
 
 #: Samples of the path in each box by which it is looked up: 256 m of path. [samples]
 PATH_BOX = 1024
 #: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
 #: the cells, and heights of blocks of them; road and ground labels; edges; road and ground labels that were chosen.
-CELLS, LABEL_ARRAY, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
+MEASURED, CELLS, LABEL_ARRAY, EDGES, CHOSEN = "measured", "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
 PATH, ISLANDS = "path", "islands"
 #: Sigma of a ground that is not known, in a tile's surface.
@@ -77,6 +78,8 @@ class SurfaceTileTask:
         Local height origin of the whole survey. [m, world]
     rough_limit_m
         Spread of the lowest layer above which a cell is rough [m]; not known yet in the first pass.
+    may_be_stray
+        Whether cells of single points may be left out; not known yet in the first pass.
     """
 
     source: Path | PointSource
@@ -85,10 +88,11 @@ class SurfaceTileTask:
     config: RoadConfig
     z0_m: float
     rough_limit_m: float = np.nan
+    may_be_stray: bool = False
 
 
-def find_heights(task: SurfaceTileTask) -> IntArray:
-    """Write the heights of a tile's cells; return the histogram of their spreads (empty: there are no points)."""
+def find_heights(task: SurfaceTileTask) -> tuple[IntArray, LoneCells]:
+    """Write the heights of a tile's cells; return the histogram of their spreads and the lone ones (empty: no points)."""
     cell_m = task.config.cell_m
     # Edges that binary fractions do not hit: points on them may lie either way, so a little more is read
     margin_m = 0.0 if (cell_m * 1024).is_integer() else 1e-3
@@ -107,12 +111,25 @@ def find_heights(task: SurfaceTileTask) -> IntArray:
         np.concatenate([getattr(band, name) for band in bands]) for name in ("height", "spread", "count")
     )
     if not count.any():
-        return np.zeros(0, dtype=np.int64)
+        return np.zeros(0, dtype=np.int64), LoneCells()
     window = task.tiles.window(task.tile)
-    blocks = [BlockHeights.of(window, height, size) for size in block_sizes(task.config)]
-    planes = [plane for found in blocks for plane in (found.lowest, found.known)]
-    task.tiles.write(CELLS, task.tile, height, spread, count, *planes)
-    return count_spreads(spread)
+    task.tiles.write(MEASURED, task.tile, height, spread, count)
+    return count_spreads(spread), LoneCells.of(CellHeights(window, height, spread, count))
+
+
+def leave_strays_out(task: SurfaceTileTask) -> bool:
+    """Write the heights of a tile's cells without stray ones, and those of blocks; return True."""
+    tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
+    height, spread, count = tiles.read(MEASURED, task.tile)
+    if task.may_be_stray:
+        around = window.grown(STRAY_HALO)
+        near, near_spread = (tiles.over(MEASURED, which, around, np.float32(np.nan)) for which in (0, 1))
+        height = without_strays(near, near_spread, tiles.over(MEASURED, _COUNT, around, np.int32(0)), config)
+    blocks = [BlockHeights.of(window, height, size) for size in block_sizes(config)]
+    tiles.write(
+        CELLS, task.tile, height, spread, count, *(plane for b in blocks for plane in (b.lowest, b.known))
+    )
+    return True
 
 
 def _bands(window: CellWindow, cell_m: float) -> Iterator[CellWindow]:
