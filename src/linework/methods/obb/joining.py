@@ -228,8 +228,11 @@ def keep_consistent(now: Joining) -> Joining:
     # Behind a kerb there is no carriageway over some width; behind an edge there may be another one, but not close
     # behind; and a change of the ground has a stone beside it at most
     width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
-    sure = [b for b, yes in zip(boundaries, is_sure, strict=True) if yes]
-    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), width_m[is_sure])
+    # What bounds no carriageway, whatever paint there is, does not say what is behind one
+    why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(now.markings), path)
+    bounds = is_sure & (why == "")
+    sure = [b for b, yes in zip(boundaries, bounds, strict=True) if yes]
+    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), width_m[bounds])
     now = _aside(now, left_out(now.markings, "lane_marking", np.where(behind, BEHIND, "")))
     markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
     # A boundary has a carriageway in front of it and none behind it
