@@ -166,8 +166,10 @@ def _in_holes(trajectory: Trajectory, facts: StoreFacts) -> tuple[str, ...]:
     if share <= 0.0:
         return ()
     start, end = max(spans, key=lambda span: span[1] - span[0])
+    where = "a gap" if len(spans) == 1 else f"{len(spans)} gaps"
+    longest = "" if len(spans) == 1 else "the longest "
     return (
-        f"{100.0 * share:.2g} % of the points are in {len(spans)} gaps of the trajectory, the longest from {start:.1f}"
+        f"{100.0 * share:.2g} % of the points are in {where} of the trajectory, {longest}from {start:.1f}"
         f" to {end:.1f} s: a straight path is assumed there",
     )
 
