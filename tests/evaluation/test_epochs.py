@@ -6,7 +6,7 @@ import pytest
 
 from linework.crs import parse_crs
 from linework.errors import CrsError
-from linework.evaluation.epochs import compare_epochs
+from linework.evaluation.changes.epochs import compare_epochs
 from linework.evaluation.shifts import Chance, filters_of, shifted_runs
 from linework.files.vectors.read_write import write_lines
 from linework.lines.along import line_stretch
