@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -281,8 +282,14 @@ def _of_line(
     if not len(both):
         return changes
     mask = np.zeros(len(stations.line), dtype=bool)
-    for k in np.flatnonzero((pieces.line == i) & pieces.is_moved).tolist():
-        mask[pieces.stations[k]] = True
+    moved = np.flatnonzero((pieces.line == i) & pieces.is_moved)
+    for run in np.split(moved, np.flatnonzero(np.diff(moved) != 1) + 1) if len(moved) else ():
+        rows = np.concatenate([pieces.stations[k] for k in run])
+        mask[rows] = True
+        # What has moved on both sides of a place that was hidden, as one line, has moved there too
+        for before, after in pairwise(rows.tolist()):
+            if np.all(stations.partner[before : after + 1] == stations.partner[before]):
+                mask[before:after] = True
     changes += _stretches(old, stations, i, mask, "moved", registration)
     return changes + _changed(old, new, stations, i, both)
 
@@ -327,6 +334,7 @@ def _stretches(
             continue
         numbers = (math.nan, math.nan, math.nan, math.nan)
         if registration is not None:
+            rows = rows[~stations.bridged[rows] & ~stations.partner_bridged[rows]]
             across, up, s_reg = differences_of(stations, rows, registration)
             sigma = np.sqrt(np.mean(stations.sigma_m[rows] ** 2 + s_reg**2, axis=0))
             numbers = (float(across.mean()), float(up.mean()), float(sigma[0]), float(sigma[1]))
