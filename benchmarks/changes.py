@@ -4,7 +4,7 @@
 marking painted anew beside its place, one that is gone and one that is new; once with another edge of the carriageway,
 a new rail, and other cars at other places. Each change begins or ends in the middle of the road. ``--roads``, ``--seeds``
 and ``--length-m`` choose the roads, ``--move-m`` how far lines have moved. A metre counts where both surveys could see it: the
-old line was found there, or the new one. *False* are stretches of changes that none of these explain. Wear of paint is in
+old line was found there, or the new one. *False* are stretches of changes, unsure ones left out, that none of these explain. Wear of paint is in
 `benchmarks.epochs`.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 import linework
 from benchmarks.accuracy import seeds_of
 from linework.cli.commands.of_lines.evaluate import print_tables
-from linework.evaluation.epochs import compare_epochs
+from linework.evaluation.changes.epochs import compare_epochs
 from linework.evaluation.report.tables import ReportTable
 from linework.simulation.roads.alignment import PiecewiseLinear
 from linework.simulation.roads.draw import draw_scenario
@@ -210,7 +210,7 @@ def unexplained(scenario, sorts, changes):
     """Return the changes, other than of what is hidden, that no sort explains."""
     wrong = []
     for change in changes:
-        if change.status == "not visible":
+        if change.status in ("not visible", "unsure"):
             continue
         stretches = [(sort, stretch_on(scenario, sort, change)) for sort in sorts.values()]
         if not any(

@@ -20,7 +20,7 @@ from benchmarks.accuracy import seeds_of
 from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.chainage.paint_along import paint_left
 from linework.evaluation.chainage.paint_points import paint_pieces
-from linework.evaluation.epochs import compare_epochs
+from linework.evaluation.changes.epochs import compare_epochs
 from linework.evaluation.report.tables import ReportTable
 from linework.model.points import Points
 from linework.simulation.roads.draw import draw_scenario

@@ -7,11 +7,12 @@ import struct
 import numpy as np
 import pytest
 
-from linework.evaluation.epochs import EpochChange, Registration
+from linework.evaluation.changes.epochs import EpochChange
+from linework.evaluation.changes.registration import Registration
 from linework.model.lines import LineSet
 
 pytest.importorskip("matplotlib")
-from linework.evaluation.changes_page import changes_page
+from linework.evaluation.changes.changes_page import changes_page
 
 UNMOVED = Registration(
     np.zeros((0, 2), np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)

@@ -6,7 +6,7 @@ import pytest
 
 from linework.crs import parse_crs
 from linework.errors import CrsError
-from linework.evaluation.epochs import compare_epochs
+from linework.evaluation.changes.epochs import compare_epochs
 from linework.evaluation.shifts import Chance, filters_of, shifted_runs
 from linework.files.vectors.read_write import write_lines
 from linework.lines.along import line_stretch
@@ -260,3 +260,12 @@ def test_the_command_writes_the_changes(linework, tmp_path):
     assert (
         linework("compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / "c.pdf").code == 2
     )
+
+
+def test_a_kerb_that_moved_behind_parked_cars_is_one_move():
+    """Places that one survey could not see between others that have moved are no ends of the move."""
+    hidden = {"kerb": [(a, a + 6.0) for a in range(520, 800, 40)]}
+    changes = found(epoch(41), epoch(42, moved={"kerb": [(500, 800, -0.28, 0.0)]}, hidden=hidden), "moved")
+    assert [c.line.id[0] for c in changes] == ["kerb"]
+    assert changes[0].length_m == pytest.approx(300, abs=15)
+    assert changes[0].across_m == pytest.approx(-0.28, abs=0.03)

@@ -15,7 +15,7 @@ from tests.scenes.map_scenes import road_lines
 
 from linework.crs import metric_twin, parse_crs
 from linework.errors import CrsError
-from linework.evaluation.epochs import compare_epochs
+from linework.evaluation.changes.epochs import compare_epochs
 from linework.files.vectors.lane_layer import lane_options
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.lines.units import in_metres, in_units_of, unit_scale

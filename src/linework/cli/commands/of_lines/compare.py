@@ -48,7 +48,7 @@ def compare_command(
     """Find what has changed from OLD to NEW: new, gone, moved and changed lines.
 
     The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
-    see a line of OLD, that is reported as not visible. With the points of both surveys, stretches with less or more paint
+    see a line of OLD, that is reported as not visible; what one survey has probably missed, as unsure. With the points of both surveys, stretches with less or more paint
     than before are changes too.
     """
     import contextlib
@@ -58,7 +58,7 @@ def compare_command(
     from linework.cli.commands.of_lines.paint import paint_of_both
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
-    from linework.evaluation.epochs import check_same_crs, compare_epochs
+    from linework.evaluation.changes.epochs import check_same_crs, compare_epochs
     from linework.files.maps.row_tables import write_rows
     from linework.files.output.locks import reserve_output
     from linework.files.vectors.read_write import read_usable_lines
@@ -95,13 +95,14 @@ def compare_command(
         changes, registration = compare_epochs(before[0], after[0], paint)
         names = (
             "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",
+            "probability",
         )  # fmt: skip
         rows = [
             [
                 change.status, str(change.line.kind[0]), str(change.line.id[0]), change.length_m,
                 *(None if math.isnan(v) else v for v in
                   (change.across_m, change.up_m, change.sigma_across_m, change.sigma_up_m)), change.what,
-                change.from_m, change.to_m,
+                change.from_m, change.to_m, None if math.isnan(change.probability) else change.probability,
             ]
             for change in changes
         ]  # fmt: skip
@@ -111,7 +112,7 @@ def compare_command(
         )
         if report is not None:
             from linework.crs import describe_crs
-            from linework.evaluation.changes_page import changes_page
+            from linework.evaluation.changes.changes_page import changes_page
             from linework.files.output.publish import write_page
 
             facts = {"old": str(old), "new": str(new), "CRS": describe_crs(before[0].crs)}
@@ -135,4 +136,5 @@ def compare_command(
         )
     if paint is not None:
         say(f"paint compared on at most {known_m:,.0f} m of markings")
-    say(f"{len(changes):,} changes in {output}")
+    n_unsure = sum(change.status in ("unsure", "not visible") for change in changes)
+    say(f"{len(changes) - n_unsure:,} changes, {n_unsure:,} stretches unsure or not visible in {output}")

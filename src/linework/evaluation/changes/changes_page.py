@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from linework.errors import extra_needed
-from linework.evaluation.epochs import EpochChange, Registration
+from linework.evaluation.changes.epochs import EpochChange
+from linework.evaluation.changes.registration import Registration
 from linework.evaluation.report.scores_figure import WIDTH_IN, plot_png
 from linework.evaluation.report.tables import ReportTable
 from linework.model.lines import LineSet
@@ -25,7 +26,7 @@ with extra_needed("reports"):
 
 #: Colour of each status, distinct for the colour-blind (Okabe and Ito), in the order of the tables.
 _COLOURS = {
-    "new": "#009e73", "gone": "#d55e00", "moved": "#0072b2", "changed": "#cc79a7", "not visible": "#8b949e",
+    "new": "#009e73", "gone": "#d55e00", "moved": "#0072b2", "changed": "#cc79a7", "unsure": "#e69f00", "not visible": "#8b949e",
 }  # fmt: skip
 #: Tables with more rows than fit a screen are collapsed.
 _LONG_TABLE = 25
@@ -103,11 +104,23 @@ def _changes_table(changes: Sequence[EpochChange]) -> ReportTable:
         (
             str(c.line.id[0]), str(c.line.kind[0]), c.status, f"{c.from_m:.0f}", f"{c.to_m:.0f}",
             _with_sigma(c.across_m, c.sigma_across_m), _with_sigma(c.up_m, c.sigma_up_m), c.what,
-            f"{c.line.xyz[0, 0]:.1f}", f"{c.line.xyz[0, 1]:.1f}",
+            "" if math.isnan(c.probability) else f"{c.probability:.2f}", f"{c.line.xyz[0, 0]:.1f}", f"{c.line.xyz[0, 1]:.1f}",
         )
         for c in listed
     )  # fmt: skip
-    columns = ("line", "kind", "status", "from\nm", "to\nm", "across\ncm", "up\ncm", "what", "east", "north")
+    columns = (
+        "line",
+        "kind",
+        "status",
+        "from\nm",
+        "to\nm",
+        "across\ncm",
+        "up\ncm",
+        "what",
+        "probability",
+        "east",
+        "north",
+    )
     note = "Stations are distances from the start of the line: of the new survey's for what is new, else of the old one's."
     return ReportTable("By line and station", columns, rows, note)
 

@@ -1,0 +1,147 @@
+"""Whether what only one of two surveys found is a change: by what both surveys miss of lines that are there.
+
+Separate from `epochs`: this knows lengths and classes of lines, not places. What one survey found and the other did not has
+changed, or was missed, or was never there. How often lines of a class are missed, and over which lengths, is what the two
+surveys show themselves: most of a road is as it was.
+
+References
+----------
+Robbins (1956), An empirical Bayes approach to statistics: what is common to many cases is taken from them.
+Efron (2008), Microarrays, empirical Bayes and the two-groups model, doi:10.1214/07-STS236: chance and change as two groups,
+the share of both taken from all cases, and each case by what the others say.
+Lomax (1954), Business failures, doi:10.1080/01621459.1954.10501239: lengths whose mean is not known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from linework.lines.crosscuts import STATION_M
+
+#: Shorter stretches are not looked at. [m]
+LEAST_STRETCH_M = 2.0
+#: Before any is seen: length of a stretch that is missed, as long as the pieces in which lines are followed. [m]
+_MISSED_M = 5.0
+#: What is known of a class by the class above it counts as one stretch for how often, and two for how long (the fewest for
+#: which the mean of lengths is finite).
+_AS_ONE, _AS_TWO = 1.0, 2.0
+#: Before any is seen: changes of roads are of any length up to a km, and as rare as one in a km of lines. [m]
+_LONGEST_CHANGE_M, _CHANGE_EVERY_M = 1000.0, 1000.0
+#: Rounds until shares stay as they are.
+_ROUNDS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Alone:
+    """A stretch of a line that only one survey found.
+
+    Parameters
+    ----------
+    levels
+        What lines like it are, from the widest class to the narrowest.
+    length_m
+        Its length. [m]
+    confidence
+        Probability that there is such a line at all.
+    """
+
+    levels: tuple[str, ...]
+    length_m: float
+    confidence: float
+
+
+class _Class:
+    """Stretches that were missed of lines of a class, and metres that both surveys found."""
+
+    def __init__(self) -> None:
+        self.found_m = self.n = self.sum_m = 0.0
+
+    def add(self, share: float, length_m: float) -> None:
+        self.n += share
+        self.sum_m += share * length_m
+
+
+def change_probabilities(
+    alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...], float]]
+) -> list[float]:
+    """Return for each stretch that only one survey found the probability that the road has changed there.
+
+    Parameters
+    ----------
+    alone
+        All of them, of both surveys.
+    found_m
+        Class and metres of lines that both surveys found.
+
+    Notes
+    -----
+    Misses happen at a rate for each metre of line and have exponential lengths; both are taken class by class, each class
+    with the one above it as a prior, from all other stretches as far as these are no changes. Changes have one rate for all
+    classes and any length. What is found alone is weighed between the two, and counts to either by its probability.
+
+    Examples
+    --------
+    Edges of a pavement are often missed for a few metres, and rails are not:
+
+    >>> found = [(("edge",), 300.0), (("rail",), 600.0)]
+    >>> missed = [Alone(("edge",), length, 0.9) for length in (3.0, 5.0, 4.0, 9.0, 12.0)]
+    >>> for one in [Alone(("edge",), 12.0, 0.9), Alone(("rail",), 12.0, 0.9), Alone(("edge",), 90.0, 0.9)]:
+    ...     print(one.levels[0], one.length_m, round(change_probabilities([*missed, one], found)[-1], 1))
+    edge 12.0 0.0
+    rail 12.0 0.4
+    edge 90.0 0.9
+    """
+    classes: dict[tuple[str, ...], _Class] = defaultdict(_Class)
+    for levels, metres in found_m:
+        for k in range(len(levels) + 1):
+            classes[levels[:k]].found_m += metres
+    for one in alone:
+        for k in range(len(one.levels) + 1):
+            classes[one.levels[:k]].found_m += one.length_m
+    chance = [0.0] * len(alone)
+    for one in alone:
+        _add(classes, one, 1.0)
+    order = range(len(alone))
+    for _ in range(_ROUNDS):
+        before = list(chance)
+        for i in order:
+            _add(classes, alone[i], chance[i] - 1.0)
+            chance[i] = _probability(alone[i], classes)
+            _add(classes, alone[i], 1.0 - chance[i])
+        if max((abs(a - b) for a, b in zip(before, chance, strict=True)), default=0.0) < 1e-4:
+            break
+    return [one.confidence * p for one, p in zip(alone, chance, strict=True)]
+
+
+def _add(classes: dict[tuple[str, ...], _Class], one: Alone, share: float) -> None:
+    for k in range(len(one.levels) + 1):
+        classes[one.levels[:k]].add(share, _beyond_m(one))
+
+
+def _beyond_m(one: Alone) -> float:
+    """Return how much longer a stretch is than those that are not looked at; ends are known to a station's distance [m]."""
+    return max(one.length_m - LEAST_STRETCH_M, 0.0) + STATION_M
+
+
+def _probability(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
+    """Return the probability of a change by what all others are."""
+    every = classes[()]
+    rate, mean_m = 0.5 / max(every.found_m, _CHANGE_EVERY_M), _MISSED_M
+    shape = _AS_TWO
+    for k in range(len(one.levels) + 1):
+        own = classes[one.levels[:k]]
+        n, sum_m = max(own.n, 0.0), max(own.sum_m, 0.0)
+        if k == 0:
+            rate = (n + 0.5) / max(own.found_m, _CHANGE_EVERY_M)
+        else:
+            rate = (n + _AS_ONE) / (own.found_m + _AS_ONE / rate)
+        shape = _AS_TWO + n
+        mean_m = (mean_m * (_AS_TWO - 1.0) + sum_m) / (shape - 1.0)
+    scale_m = mean_m * (shape - 1.0)
+    missed = rate * shape / scale_m * math.exp(-(shape + 1.0) * math.log1p(_beyond_m(one) / scale_m))
+    of_length = 1.0 / (max(one.length_m, LEAST_STRETCH_M) * math.log(_LONGEST_CHANGE_M / LEAST_STRETCH_M))
+    changed = of_length / _CHANGE_EVERY_M
+    return changed / (changed + missed)

@@ -1,0 +1,126 @@
+"""Registration of two surveys of one road by their own lines.
+
+Separate from `epochs`: what all lines do is navigation, not a change.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import FloatArray, IntArray
+from linework.evaluation.changes.epoch_stations import EpochStations
+
+#: Size of a cell with one registration, and the distance from its middle of the lines that it is from: navigation errors
+#: change over some 10 s of driving, by a tenth of that within a cell. [m]
+_CELL_M, _WINDOW_M = 25.0, 60.0
+#: What the two surveys may be apart: shift, and turn of a cell. [m, rad]
+_PRIOR_SHIFT_M, _PRIOR_TURN = 0.3, 0.002
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """Shift of the new survey against the old one, by cells along the road.
+
+    Parameters
+    ----------
+    cells
+        (k, 2) int64: numbers of the cells in plan.
+    shift_m
+        (k, 3) float64: east, north, up, new minus old. [m]
+    turn
+        (k,) float64: about the middle of the cell. [rad]
+    sigma_m
+        (k, 2) float64: standard deviations in plan and in height. [m]
+    n_lines
+        (k,) int64: lines from which each comes.
+    """
+
+    cells: IntArray
+    shift_m: FloatArray
+    turn: FloatArray
+    sigma_m: FloatArray
+    n_lines: IntArray
+
+
+def registered(stations: EpochStations) -> Registration:
+    """Return the shifts of cells from the lines that both surveys have, by least absolute deviations over lines."""
+    good = np.flatnonzero((stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged)
+    place = stations.xyz[good, :2]
+    cells = np.unique(np.floor(place / _CELL_M).astype(np.int64), axis=0)
+    rows = []
+    if len(good):
+        origin = place[0]
+        middles = (cells + 0.5) * _CELL_M
+        near = cKDTree(place - origin).query_ball_point(middles - origin, _WINDOW_M, return_sorted=True)
+        rows = [_cell(stations, good[own], middle) for own, middle in zip(near, middles, strict=True)]
+    return Registration(
+        cells.reshape(-1, 2), np.array([r[0] for r in rows]).reshape(-1, 3), np.array([r[1] for r in rows]),
+        np.array([r[2] for r in rows]).reshape(-1, 2), np.array([r[3] for r in rows], dtype=np.int64),
+    )  # fmt: skip
+
+
+def _cell(
+    stations: EpochStations, rows: IntArray, middle: FloatArray
+) -> tuple[FloatArray, float, FloatArray, int]:
+    left, place = stations.left[rows], stations.xyz[rows, :2] - middle
+    lever = left[:, 1] * place[:, 0] - left[:, 0] * place[:, 1]
+    A = np.column_stack([left, lever])
+    # A line counts as one, whatever its length: its errors are one
+    number, inverse = np.unique(stations.line[rows], return_inverse=True)
+    weight = 1.0 / np.bincount(inverse)[inverse]
+    prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
+    sigma = float(np.sqrt(np.mean(stations.sigma_m[rows, 0] ** 2)))
+    d, up = stations.across_m[rows], stations.up_m[rows]
+    found: FloatArray = np.zeros(3)
+    factor: FloatArray = np.ones(len(rows))
+    for _ in range(30):
+        w = weight * factor / sigma**2
+        found = np.asarray(np.linalg.solve(A.T @ (w[:, None] * A) + prior, A.T @ (w * d)), dtype=np.float64)
+        # Least absolute deviations: a kerb that was moved does not pull
+        factor = np.asarray(sigma / np.maximum(np.abs(d - A @ found), 0.2 * sigma), dtype=np.float64)
+    covariance = np.linalg.inv(A.T @ ((weight / sigma**2)[:, None] * A) + prior)
+    across = float(np.sqrt(np.mean(np.einsum("ij,jk,ik->i", A, covariance, A))))
+    means = [float(np.median(up[inverse == k])) for k in range(len(number))]
+    rise = float(np.median(means))
+    sigma_up = float(np.sqrt(np.mean(stations.sigma_m[rows, 1] ** 2))) * math.sqrt(math.pi / 2 / len(number))
+    return np.array([found[0], found[1], rise]), float(found[2]), np.array([across, sigma_up]), len(number)
+
+
+def differences_of(
+    stations: EpochStations, rows: IntArray, registration: Registration
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return differences across and up after registration, and the registration's deviations, of stations."""
+    left, place = stations.left[rows], stations.xyz[rows, :2]
+    found = np.zeros((len(rows), 4))
+    weight = np.zeros(len(rows))
+    # From cell to cell the shift goes over evenly: a jump would look like a line that has moved
+    corner = np.floor(place / _CELL_M - 0.5).astype(np.int64)
+    lookup = {tuple(c): k for k, c in enumerate(registration.cells.tolist())}
+    for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        cell = corner + step
+        k = np.array([lookup.get(tuple(c), -1) for c in cell.tolist()], dtype=np.int64)
+        off = place - (cell + 0.5) * _CELL_M
+        share = np.where(k >= 0, np.prod(1.0 - np.abs(off) / _CELL_M, axis=1), 0.0)
+        lever = left[:, 1] * off[:, 0] - left[:, 0] * off[:, 1]
+        moved = np.einsum("ij,ij->i", left, registration.shift_m[k, :2]) + registration.turn[k] * lever
+        found += share[:, None] * np.column_stack(
+            [moved, registration.shift_m[k, 2], registration.sigma_m[k]]
+        )
+        weight += share
+    across, up, *sigma = (found / weight[:, None]).T
+    return stations.across_m[rows] - across, stations.up_m[rows] - up, np.stack(sigma, axis=1)
+
+
+def placed(xy: FloatArray, registration: Registration) -> FloatArray:
+    """Return where places (n, 2) of the old survey are in the new one, by the nearest cell."""
+    if not len(registration.cells) or not len(xy):
+        return xy
+    middle = (registration.cells + 0.5) * _CELL_M
+    cell = cKDTree(middle - xy[0]).query(xy - xy[0])[1]
+    off = xy - middle[cell]
+    turned = registration.turn[cell][:, None] * np.column_stack([-off[:, 1], off[:, 0]])
+    return np.asarray(xy + registration.shift_m[cell, :2] + turned)
