@@ -187,7 +187,7 @@ def step_down(boundary: SmoothBoundary, boxes: BoxSet) -> SmoothBoundary:
 
 
 def _ends_of(boxes: BoxSet, box: IntArray) -> tuple[float, float]:
-    """Return by how much a line through boxes (k,) goes on before the first and behind the last centre [m]."""
+    """Return the lengths [m] that a line continues before the first and behind the last centre of its boxes (k,)."""
     return float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
 
 
