@@ -30,8 +30,15 @@ LONGEST_DASH_M = 8.0
 WEAR_SHARE_OF_GAP = 0.4
 #: Fewest dashes of a dashed part of a line that is solid elsewhere: wear makes three of a solid one.
 LEAST_INTERVALS = 4
+#: Most by which distances from dash to dash of one rhythm differ, beside what leaves their ends unsharp. [share]
+SPACING_SHARE = 0.1
+#: Most of the pieces of paint of a line with several rhythms that belong to none of them. [share]
+MOST_UNEXPLAINED = 0.1
 #: Smallest share of the gap in the period (warning lines: 6 m of paint, 3 m of gap).
 LEAST_GAP_SHARE = 0.28
+#: Smallest share of the dash in the period: the least in use is 1 m of 6 m (United Kingdom, lane lines in towns). What is
+#: less are stains, covers and the like in a row.
+LEAST_SHARE_OF_PERIOD = 0.125
 #: Largest share of paint at any place of the gap (stains, and two dashes that are seen as one); smallest in the dashes
 #: beyond that, with 70 % worn off. Lines of patches alone, 60 to 120 m, 30 to 85 % worn, have a rhythm in 0.5 % of 1,500
 #: cases at 0.08 and at 0.16, in 2.4 % at 0.25.
@@ -141,6 +148,15 @@ def _dashed_part(whole: FloatArray, within: BoolArray, ends_m: tuple[float, floa
     paint = whole[within]
     start_m, end_m = ends_m
     n = len(paint)
+    runs = _other_rhythms(paint)
+    if runs:
+        # Each stretch reaches from the last paint of the one before it to its own, the last to the end
+        limits = [start_m, *(float(paint[b - 1, 1]) for _, b, _ in runs[:-1]), end_m]
+        return [
+            PatternStretch(*ends, rhythm)
+            for ends, (_, _, rhythm) in zip(itertools.pairwise(limits), runs, strict=True)
+            if rhythm is not None
+        ]
     # All of it; or beside a worn solid part, which has short pieces as well
     parts = [(0, n)]
     for k in range(1, n - LEAST_INTERVALS + 1):
@@ -164,6 +180,71 @@ def _dashed_part(whole: FloatArray, within: BoolArray, ends_m: tuple[float, floa
             ]
         return [PatternStretch(start, end, rhythm)]
     return []
+
+
+def _other_rhythms(paint: FloatArray) -> list[tuple[int, int, PaintRhythm | None]]:
+    """Return the parts of dashed paint that have rhythms of their own, in order: first, end, rhythm; [] if it has one.
+
+    Before junctions dashes get shorter, or denser. Where dashes follow each other at one distance, and those elsewhere at
+    another, rhythms of their own explain the paint better than one for all, and than none. Dashes that are missing here and
+    there leave multiples of one distance, and are no other rhythm.
+
+    paint: (k, 2) intervals without solid paint [m], ascending.
+    """
+    found: list[tuple[int, int, PaintRhythm | None]] = []
+    evidence, all_of_it = 0.0, _fold_of(paint)
+    # As many runs might begin as there are intervals
+    chance = RHYTHM_CHANCE / len(paint)
+    for a, b in _evenly_spaced(paint):
+        fold = _fold_of(paint[a:b])
+        if fold is not None and fold.evidence > -math.log(chance):
+            found.append((a, b, fold.rhythm))
+            evidence += fold.evidence + math.log(chance)
+    periods = [rhythm.period_m for _, _, rhythm in found if rhythm is not None]
+    least = min(periods, default=0.0)
+    is_other = any(abs(period / least - round(period / least)) > SPACING_SHARE for period in periods)
+    if not periods or (not is_other and all_of_it is not None):
+        return []
+    if all_of_it is not None and all_of_it.evidence >= evidence:
+        return []
+    parts: list[tuple[int, int, PaintRhythm | None]] = []
+    for a, b, rhythm in [*found, (len(paint), len(paint), None)]:
+        before = parts[-1][1] if parts else 0
+        if a > before:
+            # Beside dashes three more are none of a worn solid line
+            fold = _fold_of(paint[before:a])
+            is_dashed = fold is not None and fold.evidence > -math.log(chance)
+            parts.append((before, a, fold.rhythm if fold is not None and is_dashed else None))
+        if b > a:
+            parts.append((a, b, rhythm))
+    # Worn dashes leave a few evenly spaced pieces among others
+    unexplained = sum(b - a for a, b, rhythm in parts if rhythm is None)
+    return parts if unexplained <= MOST_UNEXPLAINED * len(paint) else []
+
+
+def _evenly_spaced(paint: FloatArray) -> list[tuple[int, int]]:
+    """Return the runs of `LEAST_INTERVALS` and more dashes at one distance from each other: first and end.
+
+    >>> _evenly_spaced(np.array([[0.0, 3.0], [9.0, 12.0], [18.0, 21.0], [27.0, 30.0], [33.0, 36.0]]))
+    [(0, 4)]
+    """
+    spacing = np.diff(paint, axis=0)
+    runs, a = [], 0
+    while a < len(spacing):
+        b = a + 1
+        usual = float(spacing[a].mean())
+        while b < len(spacing) and np.all(
+            np.abs(spacing[b] - usual) <= SPACING_SHARE * usual + WHOLE_PAINT_M
+        ):
+            b += 1
+            usual = float(spacing[a:b].mean())
+        if b - a + 1 >= LEAST_INTERVALS:
+            runs.append((a, b + 1))
+            # The last dash of a run may be the first of the next one; it belongs to this
+            a = b + 1
+        else:
+            a += 1
+    return runs
 
 
 def find_rhythm(paint: FloatArray, chance: float = RHYTHM_CHANCE) -> PaintRhythm | None:
@@ -218,7 +299,7 @@ def _fold_of(paint: FloatArray) -> _Fold | None:
         return None
     start, end = float(paint[0, 0]), float(paint[-1, 1])
     period, gap, inside, outside = _best_fold(paint.tobytes())
-    if period == 0.0:
+    if period - gap <= LEAST_SHARE_OF_PERIOD * period:
         return None
     # The chance that wear left so little paint in the gaps of a solid line, of whose paint as much is left as in the dashes
     n_patches = (end - start) / period * gap / PATCH_M
