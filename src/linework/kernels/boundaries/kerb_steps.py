@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.hidden_faces import END_SIGMA, SLOPE_SIGMA, change_over, end_of_top
 from linework.kernels.boundaries.profiles import (
     CLEAR_M,
     FLOOR_SOFT,
@@ -264,6 +263,8 @@ COVER_COLUMNS = 5
 FIRST_CLEAR_M = 0.05
 #: Standard deviation of a kerb stone from a straight line. [m]
 STRAIGHT_KERB_M = 0.001
+#: Where no face is visible, the change from floor to top is sought this far to either side [m], at this many places.
+CHANGE_REACH_M, N_CHANGE = 0.08, 32
 #: Largest distance of a floor point from the floor, in sigmas of the floor's noise. [-]
 FLOOR_NOISES = 3.0
 
@@ -328,20 +329,11 @@ def measure_step(
             sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_KERB_M**2)
         else:
             # No face visible: the place where the points change from floor to top, known to within their spacing
-            at, spacing = change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, (scale, half_u))
+            at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, (scale, half_u))
             foot, top = at + 0.5 * LEAN * h, at - 0.5 * LEAN * h
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
             beta_sigma = max(blur / spread_u, 0.02)
-            # In a shadow the foot and its direction may be any, the top ends where it begins
-            edge, slope, apart = end_of_top(work, n, (vx, vy), (a, b, c), (a2, c2), at, (scale, half_u))
-            if edge < foot:
-                size = np.sqrt(1.0 + slope * slope)
-                vx, vy = (vx - slope * vy) / size, (vy + slope * vx) / size
-                foot, edge = foot / size, edge / size
-                beta_sigma = max(SLOPE_SIGMA * apart / half_u, 0.02)
-                sigma_v = np.hypot(sigma_v, END_SIGMA * apart)
-            top = min(top, edge)
         write_step(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
         out[STEP_HEIGHT], out[STEP_N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = (
             h,
@@ -351,6 +343,53 @@ def measure_step(
         )
         out[STEP_SIGMA_H] = 2.0 * np.sqrt(noise**2 / n_floor + noise2**2 / n_top)
     return True
+
+
+@njit(cache=True, nogil=True)
+def _change_over(
+    work: FloatArray,
+    n: int,
+    frame: tuple[float, float],
+    floor: tuple[float, float, float],
+    top: tuple[float, float],
+    about: float,
+    reach: tuple[float, float],
+) -> tuple[float, float]:
+    """Return the v that best separates points of the floor from points of the top, and their spacing there [m].
+
+    frame: unit vector v. floor: height, slopes along u and v. top: height, slope along v. about: v to begin with.
+    reach: `scale` and `half_u` of `best_step`.
+    """
+    scale, half_u = reach
+    vx, vy = frame
+    floor_a, floor_b, floor_c = floor
+    top_a, top_c = top
+    half = CHANGE_REACH_M * scale
+    cost = np.zeros(N_CHANGE + 1)
+    count = 0.0
+    for i in range(n):
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        v, u = x * vx + y * vy, x * vy - y * vx
+        k = int(np.floor((v - about + half) / (2.0 * half) * N_CHANGE))
+        if k < 0 or k >= N_CHANGE or abs(u) > half_u:
+            continue
+        r = work[i, PLACE_R] - floor_b * u
+        low, high = r - floor_a - floor_c * v, r - top_a - top_c * v
+        rise = low - high
+        # A point below the floor or above the top shows only which side it is on
+        low, high = min(max(low, -rise), 2.0 * rise), min(max(high, -2.0 * rise), rise)
+        cost[k + 1] += high * high - low * low
+        count += 1.0
+    # Points with v below the change belong to the top: running cost of that, and the middle of all places of least cost
+    best, first, last = 0.0, 0, 0
+    for k in range(1, N_CHANGE + 1):
+        cost[k] += cost[k - 1]
+        if cost[k] < best:
+            best, first, last = cost[k], k, k
+        elif cost[k] == best and k == last + 1:
+            last = k
+    at = about - half + half * (first + last) / N_CHANGE
+    return at, 2.0 * half / max(count, 2.0)
 
 
 @njit(cache=True, nogil=True)

@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.hidden_faces import last_points
 from linework.kernels.boundaries.profiles import (
     BIN_I,
     BIN_II,
@@ -72,9 +71,6 @@ NEW_SHARE = 0.15
 #: A scanner's shadow holds less than this share of the usual points, where at least this many are expected; and the
 #: standard deviation of the pavement's edge from a straight line [m].
 SHADOW_SHARE, SHADOW_POINTS, SHADOW_SIGMA_M = 0.3, 2.0, 0.01
-#: Least drop that hides what is behind it [m], and turns at which its shadow is looked for [rad].
-SHADOW_DROP_M = 0.02
-SHADOW_TURNS = np.deg2rad(np.array([0.0, -6.0, 6.0, -12.0, 12.0, -18.0, 18.0, -24.0, 24.0]))
 #: Two sides of one brightness each differ by this many spreads; with a stripe of up to 0.4 m on one they do not.
 STRIPE = 1.5
 #: Widest paint, in bins (30 cm): brightness alone decides only over more.
@@ -90,6 +86,8 @@ STEADY_BINS, STEADY_POINTS = 5, 3.0
 #: by which its brightness is clearly that of the road.
 STRIP_TURNS = np.deg2rad(np.arange(-16.0, 17.0, 4.0))
 DARK_STRIP_M, CLEARLY = 0.10, 2.0
+#: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
+N_LAST = 4
 
 
 @njit(cache=True, nogil=True)
@@ -307,36 +305,9 @@ def sharpen_split(
     if out[EDGE_CONTRAST] != 1.0 and strip_beyond(work, n, out, half_u, step, sums):
         if by != BY_BOTH or not _sharpen_split(work, n, first, scale, BY_ROUGHNESS, sums, out):
             return False
-    _turn_along_shadow(work, n, step, half_u, sums, out)
     bin_sums_across(work, n, out[EDGE_VX], out[EDGE_VY], half_u, step, sums)
     _out_of_shadow(work, n, step, half_u, sums, out)
     return True
-
-
-@njit(cache=True, nogil=True)
-def _turn_along_shadow(
-    work: FloatArray, n: int, step: float, half_u: float, sums: FloatArray, out: FloatArray
-) -> None:
-    """Turn an edge (11,) whose ground falls behind it by `SHADOW_DROP_M` about its place along the widest shadow there.
-
-    Every direction through a shadow splits pavement and verge alike, and one across its ends hardly worse.
-    """
-    if out[EDGE_STEP] > -SHADOW_DROP_M:
-        return
-    x0, y0 = out[EDGE_VX], out[EDGE_VY]
-    most, k = -1, int(np.floor(out[EDGE_V] / step)) + N_PROFILE_BINS // 2
-    for turn in SHADOW_TURNS:
-        x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-        bin_sums_across(work, n, x, y, half_u, step, sums)
-        points = sums[:, BIN_N]
-        usual = (points[N_PROFILE_BINS] - points[N_PROFILE_BINS // 2]) / (N_PROFILE_BINS // 2)
-        first = last = k
-        while first > FAR_BIN and points[first] - points[first - 1] < SHADOW_SHARE * usual:
-            first -= 1
-        while last < N_PROFILE_BINS - 1 and points[last + 1] - points[last] < SHADOW_SHARE * usual:
-            last += 1
-        if last - first > most:
-            most, out[EDGE_VX], out[EDGE_VY] = last - first, x, y
 
 
 @njit(cache=True, nogil=True)
@@ -400,20 +371,22 @@ def _out_of_shadow(
     # Where few points are expected, their absence may be chance
     if (k - first) * usual < SHADOW_POINTS:
         return
-    # Any direction through the shadow splits the points alike: it is that of the pavement's last points
-    middle = (0.5 * (first + k) - 0.5 * N_PROFILE_BINS) * step
-    last, m = np.empty((n, 2)), 0
+    # From the fourth last point on, by the average distance to the edge beyond it
+    begin = (k - 0.5 * N_PROFILE_BINS) * step
+    last = np.full(N_LAST, begin + 4.0 * step)
     for i in range(n):
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
-        v, u = x * out[EDGE_VX] + y * out[EDGE_VY], x * out[EDGE_VY] - y * out[EDGE_VX]
-        if v > middle and abs(u) <= half_u and abs(work[i, PLACE_R]) <= ROUGHEST_M:
-            last[m, 0], last[m, 1] = u, v
-            m += 1
-    end, slope, spacing = last_points(last[:m])
-    if not np.isfinite(end):
-        return
-    size = np.sqrt(1.0 + slope * slope)
-    vx, vy = out[EDGE_VX], out[EDGE_VY]
-    out[EDGE_VX], out[EDGE_VY] = (vx - slope * vy) / size, (vy + slope * vx) / size
-    out[EDGE_V] = end / size
+        v = x * out[EDGE_VX] + y * out[EDGE_VY]
+        if (
+            v < begin
+            or abs(x * out[EDGE_VY] - y * out[EDGE_VX]) > half_u
+            or abs(work[i, PLACE_R]) > ROUGHEST_M
+        ):
+            continue
+        for j in range(N_LAST):
+            nearer = min(last[j], v)
+            v = max(last[j], v)
+            last[j] = nearer
+    spacing = step / max(usual, 0.5)
+    out[EDGE_V] = last[N_LAST - 1] - (N_LAST - 0.5) * spacing
     out[EDGE_SIGMA] = 2.0 * spacing + SHADOW_SIGMA_M

@@ -169,7 +169,7 @@ def face_the_road(now: Joining) -> Joining:
     lanes, _ = marking_lines.marking_lines(stripes, tracks, now.is_visible)
     down = has_road_behind(axes_of_lines(now.boundaries), axes_of_lines(lanes), now.path)
     boundaries = [
-        boundary_lines.step_down(b, now.boxes[BoxForm.KERB]) if yes and b.form == "kerb" else b
+        boundary_lines.step_down(b) if yes and b.form == "kerb" else b
         for b, yes in zip(now.boundaries, down, strict=True)
     ]
     return replace(now, kerbs=[b for b in boundaries if b.form == "kerb"], boundaries=boundaries)

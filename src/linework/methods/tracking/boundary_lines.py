@@ -129,8 +129,9 @@ def _pieces(boxes: BoxSet, box: IntArray, visible: Sight) -> list[IntArray]:
 
 def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
     """Return the boundary through boxes (k,), of the form that most of their score has."""
+    reach = float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
     form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=6)))
-    line = smooth_line(boxes, box, _ends_of(boxes, box), SHARED if form == BoxForm.KERB else SHARED_EDGE)
+    line = smooth_line(boxes, box, reach, SHARED if form == BoxForm.KERB else SHARED_EDGE)
     at = np.maximum(line.box, 0)
     is_form = line.is_measured & (boxes.form[at] == form)
     height = smooth_value(line.t_m, np.where(is_form, boxes.height_m[at], np.nan), STEP_CHANGE)
@@ -162,33 +163,18 @@ def form_by_ground(boundary: SmoothBoundary) -> SmoothBoundary:
     return replace(boundary, form=FORMS[BoxForm.EDGE])
 
 
-def step_down(boundary: SmoothBoundary, boxes: BoxSet) -> SmoothBoundary:
+def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
     """Return a boundary whose road lies on the upper side of its step: the edge of a pavement above its verge.
 
-    It runs along the top of the step, with the carriageway to its left, and its height is negative. The foot of such a
-    step is often hidden, its top edge is seen.
-
-    Parameters
-    ----------
-    boxes
-        Those that it was tracked through are in.
+    It runs along the top of the step, with the carriageway to its left, and its height is negative.
     """
-    foot, box = _reversed(boundary.line), boundary.boxes
-    upper = foot
-    if np.isfinite(boundary.top.xyz).all():
-        u, top_v = boxes.u[box], boxes.top_v_m[box]
-        to_top = np.column_stack([-u[:, 1] * top_v, u[:, 0] * top_v, boxes.height_m[box]])
-        upper = _reversed(smooth_line(boxes, box, _ends_of(boxes, box), moved_m=to_top))
+    foot, top = _reversed(boundary.line), _reversed(boundary.top)
+    has_top = bool(np.isfinite(top.xyz).all())
     return SmoothBoundary(
-        upper, foot, box[::-1], FORMS[BoxForm.EDGE], -boundary.height_m[::-1],
+        top if has_top else foot, foot, boundary.boxes[::-1], FORMS[BoxForm.EDGE], -boundary.height_m[::-1],
         boundary.confidence, boundary.times_s, boundary.scores[::-1], boundary.contrasts[::-1],
         boundary.rougher[::-1],
     )  # fmt: skip
-
-
-def _ends_of(boxes: BoxSet, box: IntArray) -> tuple[float, float]:
-    """Return the lengths [m] that a line continues before the first and behind the last centre of its boxes (k,)."""
-    return float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
 
 
 def _reversed(line: SmoothLine) -> SmoothLine:

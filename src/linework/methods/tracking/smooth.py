@@ -67,11 +67,7 @@ class SmoothLine:
 
 
 def smooth_line(
-    boxes: BoxSet,
-    box: IntArray,
-    ends_m: tuple[float, float],
-    shared: float = SHARED,
-    moved_m: FloatArray | None = None,
+    boxes: BoxSet, box: IntArray, ends_m: tuple[float, float], shared: float = SHARED
 ) -> SmoothLine:
     """Return the smoothed line through boxes.
 
@@ -83,13 +79,10 @@ def smooth_line(
         Lengths that the line continues before the first and behind the last centre. [m]
     shared
         Number of neighbouring boxes that err as one.
-    moved_m
-        (k, 3) from the centre of each box to the place that the line runs through [m]; None: through the centres.
     """
     t, at = _stations(boxes.along(box), ends_m)
     k, measured = box[np.maximum(at, 0)], at >= 0
-    xyz = boxes.centre[k] if moved_m is None else boxes.centre[k] + moved_m[np.maximum(at, 0)]
-    xy, z = xyz[:, :2], xyz[:, 2]
+    xy, z = boxes.centre[k, :2], boxes.centre[k, 2]
     variance = np.where(measured, shared * boxes.sigma_v_m[k] ** 2, np.inf)
     change = _change(np.full(len(t), 1.0 / _FIRST_RADIUS_M))
     states, _, _ = smooth_plane(t, xy, variance, change)
