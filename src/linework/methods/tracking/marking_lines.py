@@ -246,23 +246,17 @@ def _longest_gap(t: FloatArray, reach: FloatArray, rhythm: PaintRhythm | None) -
 def _longest_worn(t: FloatArray, gap: FloatArray) -> float:
     """Return the longest gap [m] that wear explains in a solid line with this much paint left.
 
-    Longer ones are ends (mouths, crossings): as many as make all likeliest, each with the chance `GAP_CHANCE`.
+    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear.
     """
-    long = np.sort(gap[(gap > SHORT_GAP_M) & (gap <= LONGEST_WORN_M)])
-    most, longest_m = -math.inf, SHORT_GAP_M
-    for n_worn in range(len(long), -1, -1):
-        limit_m = float(long[n_worn - 1]) if n_worn else SHORT_GAP_M
-        is_worn = gap <= limit_m
-        bare_m = float(gap[is_worn & (gap > CLOSE_M)].sum())
-        length_m = max(t[-1] - t[0] - float(gap[~is_worn].sum()), bare_m, 1.0)
-        gone = float(np.clip(bare_m / length_m, *_WORN_SHARE))
-        wear = (bare_m * math.log(gone) + (length_m - bare_m) * math.log(1.0 - gone)) / PATCH_M
-        odds = wear + (len(long) - n_worn) * math.log(GAP_CHANCE * PATCH_M / LONGEST_WORN_M)
-        if odds > most:
-            below_m = 0.5 * (limit_m + float(long[n_worn])) if n_worn < len(long) else LONGEST_WORN_M
-            most = odds
-            longest_m = min(max(PATCH_M * math.log(GAP_CHANCE) / math.log(gone), limit_m), below_m)
-    return longest_m
+    longest_m = LONGEST_WORN_M
+    while True:
+        is_worn = gap <= longest_m
+        bare = float(gap[is_worn & (gap > CLOSE_M)].sum())
+        gone = float(np.clip(bare / max(t[-1] - t[0] - float(gap[~is_worn].sum()), 1.0), *_WORN_SHARE))
+        wear_m = min(max(PATCH_M * math.log(GAP_CHANCE) / math.log(gone), SHORT_GAP_M), LONGEST_WORN_M)
+        if wear_m >= longest_m or not (gap[is_worn] > wear_m).any():
+            return wear_m
+        longest_m = wear_m
 
 
 def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
