@@ -99,7 +99,7 @@ class User:
         """Accept or reject a line, or take what it is proposed to be."""
         line = lines_of(self.line_file.lines, item.ids)
         if item.as_kind and right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT:
-            self.do(queue_item(item).proposal)
+            self.do({"action": "kind", "ids": list(item.ids), "kind": item.as_kind})
             return "taken"
         is_right = right_share(line, self.truth) >= 0.5
         cut_m, names = 0.0, list(item.ids)
@@ -115,8 +115,6 @@ class User:
         if item.proposal in ("accept", "reject"):
             is_right = right_share(line, self.truth) >= (RIGHT if item.proposal == "accept" else 0.5)
             return is_right == (item.proposal == "accept")
-        if item.proposal == "kind":
-            return right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT
         raise ValueError(f"whether to {item.proposal} is right is not known")
 
     def _take_sure(self, item):

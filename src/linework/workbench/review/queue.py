@@ -149,4 +149,4 @@ def _proposal(suspect: Suspect) -> dict[str, Any] | None:
     action, ids = suspect.proposal, list(suspect.ids)
     if not action:
         return None
-    return {"action": action, "ids": ids} | ({"kind": suspect.as_kind} if suspect.as_kind else {})
+    return {"action": action, "ids": ids}
