@@ -14,9 +14,10 @@ from linework.errors import InputError, UsageError
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.tracing.rails import distance_m
-from linework.workbench.edits.apply import EditInputs, change_of, lines_of
+from linework.workbench.edits.apply import EditInputs, change_of
 from linework.workbench.edits.orders import ChangeOrder
 from linework.workbench.review.queue import queue_item
+from linework.workbench.server.documents import lines_of
 
 #: A person takes a line for right that is right over this share.
 RIGHT = 0.8
@@ -68,7 +69,7 @@ class User:
         done = {
             "line": self._judge,
             "copy": self._judge,
-            "dashes": self._take_or_leave,
+            "dashes": self._dash,
             "sure": self._take_sure,
             "rest": self._leave,
             "stretch": partial(look_over, self),
@@ -98,7 +99,7 @@ class User:
         """Accept or reject a line, or take what it is proposed to be."""
         line = lines_of(self.line_file.lines, item.ids)
         if item.as_kind and right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT:
-            self.do(queue_item(item).proposal)
+            self.do({"action": "kind", "ids": list(item.ids), "kind": item.as_kind})
             return "taken"
         is_right = right_share(line, self.truth) >= 0.5
         cut_m, names = 0.0, list(item.ids)
@@ -114,9 +115,7 @@ class User:
         if item.proposal in ("accept", "reject"):
             is_right = right_share(line, self.truth) >= (RIGHT if item.proposal == "accept" else 0.5)
             return is_right == (item.proposal == "accept")
-        if item.proposal == "kind":
-            return right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT
-        return self._proposed(item)
+        raise ValueError(f"whether to {item.proposal} is right is not known")
 
     def _take_sure(self, item):
         """Accept what has nothing to check, at once."""
@@ -128,18 +127,14 @@ class User:
         self.do({"action": "dismiss", "key": item.key})
         return "left"
 
-    def _take_or_leave(self, item):
-        """Take what is proposed if what comes of it is right."""
-        if self._proposed(item):
-            self.do(queue_item(item).proposal)
-            return "taken"
+    def _dash(self, item):
+        """Add the dashes that the paint shows if they are right: the item shows the paint, and proposes nothing."""
+        edit = {"action": "dashes", "ids": list(item.ids)}
+        if self._adds_right(edit):
+            self.do(edit)
+            return "dashes added"
         self.do({"action": "dismiss", "key": item.key})
         return "dismissed"
-
-    def _proposed(self, item):
-        """Whether a proposal would be right."""
-        proposal = queue_item(item).proposal
-        return proposal is not None and self._adds_right(proposal)
 
     def _adds_right(self, edit):
         """Whether what an edit adds would be right."""

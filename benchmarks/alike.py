@@ -21,7 +21,8 @@ from linework.editing.queue.alike import VERY_LIKE_CHANCE, line_measures, lines_
 from linework.files.vectors.read_write import read_lines
 from linework.workbench.review.point_measures import PointsOfLines
 from linework.workbench.review.suspects import driven_path
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 #: Simulates and extracts: run where it is asked for.
 ON_REQUEST = True

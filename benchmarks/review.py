@@ -43,7 +43,8 @@ from linework.workbench.review.paint import dash_spans
 from linework.workbench.review.queue import Dismissed
 from linework.workbench.review.suspects import suspects_in_worker
 from linework.workbench.views.heights import heights_at
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 #: Simulates and extracts kilometres: run where it is asked for.
 ON_REQUEST = True

@@ -21,7 +21,8 @@ from linework.simulation.folder import write_survey_folder
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.simulate import survey_of
 from linework.workbench.views.snap import SNAP_EDGES, snapped_place
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 #: Simulates surveys: run where it is asked for.
 ON_REQUEST = True

@@ -189,6 +189,34 @@ class InputError(LineworkError, ValueError):
     exit_code = 3
 
 
+class RefusedPickError(InputError):
+    """No line at a place, or at a pixel.
+
+    Parameters
+    ----------
+    reason
+        Reason, without the place.
+    at
+        The place, as text.
+    where
+        Survey or image.
+    works
+        Nearest place (east, north) [m, world] or pixel (col, row) that works; None: there is none near.
+    """
+
+    def __init__(
+        self,
+        reason: str,
+        at: str,
+        *,
+        where: object,
+        advice: str,
+        works: tuple[float, float] | None = None,
+    ) -> None:
+        super().__init__(f"{reason} {at}", where=where, advice=advice)
+        self.reason, self.works = reason, works
+
+
 class CrsError(LineworkError, ValueError):
     """A coordinate reference system is missing, unknown, in degrees, or in conflict with another."""
 

@@ -15,7 +15,7 @@ from linework.files.las.write import write_las
 from linework.files.line_file.file import LineFile
 from linework.files.trajectories.read import write_trajectory
 from linework.files.vectors.read_write import read_lines
-from linework.methods.obb.trace import nearest_vertex
+from linework.lines.companions import nearest_vertex
 from linework.model.changes import Change
 from linework.model.points import Points
 from linework.simulation.simulate import simulate_survey

@@ -80,7 +80,8 @@ def test_sure_boundaries_without_a_kerb_are_listed_one_by_one_and_nothing_is_pro
     items = {s.ids: s for s in found if s.type == "line"}
     assert items[("edge",)].length_m == pytest.approx(EDGE_WRONG * 100.0)
     assert items[("edge",)].proposal == ""
-    assert items[("kerb",)].proposal == "accept"
+    # Few were counted on fresh worlds
+    assert items[("kerb",)].proposal == ""
     # Bars and arrows that were wrong were as sure as any: not accepted with what is sure
     assert not [s for s in found if s.type == "sure"]
     (rest,) = (s for s in found if s.type == "rest")

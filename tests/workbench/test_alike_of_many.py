@@ -17,12 +17,12 @@ from linework.workbench.review import alike
 from linework.workbench.review.alike import (
     MEASURED_AT_ONCE,
     MOST_EXAMPLES,
-    get_alike,
-    lines_in_worker,
-    points_in_worker,
     population_of,
     taught_by,
 )
+from linework.workbench.review.routes import get_alike
+
+POINTS, LINES = (f"linework.workbench.review.alike:{name}_in_worker" for name in ("points", "lines"))
 
 
 def dashes(n, seed=3):
@@ -43,9 +43,9 @@ class Pictures:
 
     async def ask(self, function, lines, *others):
         self.asked.append((function, len(lines)))
-        if function is points_in_worker:
+        if function == POINTS:
             return {"number of points": lines.length_m * 100.0}
-        assert function is lines_in_worker
+        assert function == LINES
         path = np.column_stack([np.arange(0.0, 300.0), np.zeros(300), np.zeros(300)])
         return line_measures(lines, *others, DrivenPath.of(path))
 
@@ -79,10 +79,10 @@ def test_an_edit_of_thousands_of_lines_compares_some_of_them_in_short_requests()
     assert found.n_looked == MOST_EXAMPLES + n_others
     assert found.items
     assert {int(item.id[1:]) for item in found.items} <= set(range(n_examples, n_examples + n_others))
-    points = [n for function, n in requests if function is points_in_worker]
+    points = [n for function, n in requests if function == POINTS]
     assert sum(points) == found.n_looked and max(points) <= MEASURED_AT_ONCE
     # All lines travel once
-    assert [n for function, n in requests if function is lines_in_worker] == [n_examples + n_others]
+    assert [n for function, n in requests if function == LINES] == [n_examples + n_others]
 
 
 def test_the_examples_that_are_compared_do_not_depend_on_the_order_of_the_edit():

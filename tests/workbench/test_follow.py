@@ -10,7 +10,7 @@ from tests.workbench.follow_talk import longest, talk_with
 from websockets.exceptions import ConnectionClosed
 
 from linework.files.vectors.read_write import read_lines
-from linework.methods.obb.trace import nearest_vertex
+from linework.lines.companions import nearest_vertex
 
 
 @pytest.fixture(scope="module")

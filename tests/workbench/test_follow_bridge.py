@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from linework.editing.edits.continued import PICKED_TWICE
+from linework.errors import RefusedPickError
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
-from linework.methods.obb.trace import nearest_vertex
+from linework.lines.companions import nearest_vertex
 from linework.processes.executors import Serial
 from linework.runs.opened.points import opened_survey, surface_of
 from linework.runs.opened.work_folder import work_folder
@@ -17,7 +18,7 @@ from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig
-from linework.tracing.trace import RefusedPickError, Tracer
+from linework.tracing.trace import Tracer
 
 LENGTH_M, GAP_M = 130.0, 44.0
 

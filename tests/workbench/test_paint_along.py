@@ -8,7 +8,8 @@ import pytest
 from linework.editing.edits.new_lines import line_beside
 from linework.files.vectors.read_write import read_lines
 from linework.workbench.review.paint import BRIGHTNESS_STATION_M, PaintOfLines, brightness_along
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 
 @pytest.fixture

@@ -17,7 +17,8 @@ from linework.model.images import Poses
 from linework.workbench.road_image import picture
 from linework.workbench.road_image.picture import COARSEST_ROAD_LEVEL, RoadImages, road_tile_png
 from linework.workbench.views.pyramid import TILE_PX, MapTile
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 #: Tiles of 4 m: 1.6 cm a pixel.
 FINE = -4

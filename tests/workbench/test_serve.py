@@ -23,7 +23,7 @@ from linework.files.vectors.read_write import read_lines
 from linework.library.progress import open_display
 from linework.workbench.server.serve import RunningServer, run_server
 from linework.workbench.worker.conversation import start_worker_process
-from linework.workbench.worker.session import SurveyOrder
+from linework.workbench.worker.order import SurveyOrder
 
 
 def children(pid: int) -> list[int]:

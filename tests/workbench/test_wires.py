@@ -14,6 +14,7 @@ from linework.errors import UsageError
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.vectors.read_write import read_lines
+from linework.lines.companions import HungWires
 from linework.methods.cables.networks import conductors, with_networks
 from linework.model.lines import LineSet
 from linework.processes.executors import Serial
@@ -24,7 +25,6 @@ from linework.runs.steps import RunSteps
 from linework.simulation.simulate import survey_of
 from linework.surface.road import RoadConfig
 from linework.tracing.trace import Tracer
-from linework.tracing.wires import HungWires
 from linework.workbench.edits.hung_wires import wires_change
 
 

@@ -12,7 +12,7 @@ from tests.workbench import worker_requests as requests
 from linework.errors import InputError, MachineError
 from linework.workbench.worker import conversation
 from linework.workbench.worker.conversation import SurveyWorker, start_worker_process
-from linework.workbench.worker.session import SurveyOrder
+from linework.workbench.worker.order import SurveyOrder
 
 
 @pytest.fixture(autouse=True)

@@ -35,10 +35,11 @@ from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
+from linework.processes.system import usable_cores
 from linework.runs.classify import ClassifiedFiles, copy_files, make_tiles, usable_lines
 from linework.runs.opened.points import OpenedSurvey, surface_of
 from linework.runs.opened.recordings import Recordings
-from linework.runs.opened.store import executor_for, usable_cores
+from linework.runs.opened.store import executor_for
 from linework.runs.record import versions
 from linework.runs.resume import describe_run, run_folder
 from linework.runs.settings import RunSettings

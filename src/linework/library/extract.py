@@ -31,12 +31,13 @@ from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.processes.identity import identity_of
+from linework.processes.system import usable_cores
 from linework.published.methods import Obb2023, Radon2002, Stereo1992, published_method
 from linework.runs.drives.adjusted import find_lines_of_drives
 from linework.runs.extract import with_log
 from linework.runs.opened.cluster import cluster_executor
 from linework.runs.opened.recordings import Recordings
-from linework.runs.opened.store import executor_for, usable_cores
+from linework.runs.opened.store import executor_for
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
 from linework.runs.resume import describe_run, fingerprint_of, run_folder
 from linework.runs.settings import RunSettings

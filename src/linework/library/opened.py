@@ -20,12 +20,12 @@ from linework.model.settings import settings_from
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.processes.forced_end import removed_if_forced
+from linework.processes.system import usable_cores
 from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.opened.from_points import opened_points
 from linework.runs.opened.made import STORES, claim
 from linework.runs.opened.points import hash_path
 from linework.runs.opened.recordings import Recordings, opened_recordings
-from linework.runs.opened.store import usable_cores
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -111,7 +110,7 @@ class DrivenPath:
     tree: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tree", cKDTree(self.xy - self.xy[0]) if len(self.xy) else None)
+        object.__setattr__(self, "tree", _tree_of(self.xy) if len(self.xy) else None)
 
     @classmethod
     def of(cls, path: FloatArray) -> DrivenPath:
@@ -162,9 +161,18 @@ class DrivenPath:
         return np.asarray(self.xy[k] + left_m[:, None] * self.left[k])
 
 
+def _tree_of(places: FloatArray) -> Any:
+    """Return the k-d tree of places (n, 2), relative to the first."""
+    from scipy.spatial import (
+        cKDTree,  # takes half a second to import, and who reads or writes lines has no path
+    )
+
+    return cKDTree(places - places[0])
+
+
 def _first_time(places: FloatArray, way: FloatArray) -> BoolArray:
     """Return which positions (n,) are a first pass: no earlier one lies within `SAME_ROAD_M`, or runs back there."""
-    tree = cKDTree(places - places[0])
+    tree = _tree_of(places)
     n_away = int(_AWAY_M / PATH_STEP_M)
     first = np.ones(len(places), dtype=np.bool_)
     for i, near in enumerate(tree.query_ball_point(places - places[0], SAME_ROAD_M)):

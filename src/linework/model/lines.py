@@ -33,6 +33,7 @@ CANDIDATE = "candidate"
 
 #: Review decisions: right as it is, corrected, drawn by hand, or no such feature.
 REVIEWS = ("accepted", "edited", "drawn", "rejected")
+REJECTED_REVIEW = "rejected"
 #: Condition of the feature itself, as the reviewer sees it.
 CONDITIONS = ("good", "worn", "damaged", "missing")
 

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from linework.arrays import AnyArray, Float32Array, FloatArray, IntArray
-from linework.editing.queue.carried_over import REJECTED_REVIEW
 from linework.errors import InputError, UsageError, argument
 from linework.files.array_file import ARRAY_SUFFIX, read_named_arrays
 from linework.files.las.copy import CopiedFile, check_copy, copy_classified
@@ -33,7 +32,7 @@ from linework.methods.classes.tile import (
     tile_classes,
 )
 from linework.model.grid import Bounds
-from linework.model.lines import LineSet
+from linework.model.lines import REJECTED_REVIEW, LineSet
 from linework.processes.executors import Executor
 from linework.runs.extraction import Failure
 from linework.runs.opened.points import OpenedSurvey

@@ -99,7 +99,7 @@ def compile_stage(names: Iterable[str], steps: RunSteps, *, needs_all: bool = Fa
 
 def _compile_all(kernels: Sequence[CalledKernel], advance: Advance) -> list[str]:
     """Compile kernels side by side, and return name and problem of each that could not be compiled."""
-    from linework.runs.opened.store import usable_cores
+    from linework.processes.system import usable_cores
 
     n_processes = min(usable_cores(), _MOST_PROCESSES)
     problems = []

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.crs import describe_crs
-from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_reviews
+from linework.editing.queue.carried_over import carry_over_reviews
 from linework.errors import LineworkError, OutputExistsError, argument
 from linework.files.line_file.carried_history import added_by_others, has_reviews, with_history
 from linework.files.line_file.file import LineFile
@@ -20,7 +20,7 @@ from linework.files.output.record import hash_file, json_bytes
 from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import not_expressed, points_left_out, write_lines
 from linework.lines.lanes import find_lanes
-from linework.model.lines import REVIEWS, LineSet
+from linework.model.lines import REJECTED_REVIEW, REVIEWS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, Failure, input_record, path_text
 from linework.runs.record import record_path, versions

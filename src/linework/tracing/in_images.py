@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.errors import AbsentError, InputError, UsageError, argument
+from linework.errors import AbsentError, InputError, RefusedPickError, UsageError, argument
 from linework.imaging.rectify import original_pixels, rectified_pixels
 from linework.methods.picked_edge.method import (
     EDGE_KINDS,
@@ -24,7 +24,6 @@ from linework.methods.picked_edge.method import (
 from linework.model.images import ImagePair
 from linework.model.lines import LineSet
 from linework.runs.opened.pairs import OpenedStereo
-from linework.tracing.trace import RefusedPickError
 
 #: Pairs that are kept in memory: following back from the picked pair starts with those just read. [pairs]
 _KEPT_PAIRS = 4

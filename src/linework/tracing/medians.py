@@ -13,12 +13,11 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, distance_along, offsets_of
 from linework.lines.along import PLACE_STEP_M, LinePlaces, places_along
+from linework.lines.companions import MEDIAN_KINDS
 from linework.model.lines import LineSet
 from linework.surface.cells import MAX_PATH_STEP_M
 from linework.tracing.rails import CORE_M, RailPieces
 
-#: What stands on a median.
-MEDIAN_KINDS = ("guardrail", "barrier")
 #: Farthest that the rails of one median stand apart. Between two rails no lane has room: the narrowest, of roadworks, is
 #: 2.6 m wide and 0.5 m clear of what stands on either side. [m]
 MOST_APART_M = 3.5

@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, distance_along
 from linework.editing.edits.continued import Gap, continue_lines
+from linework.lines.companions import COMPANION_BESIDE_M, companions_of, nearest_vertex
 from linework.methods.obb import trace
 from linework.methods.obb.method import Obb
 from linework.methods.obb.trace import TraceStop, near_line
@@ -240,7 +241,7 @@ def _followed(
     ground: GroundSurvey, pick: GroundPick, one: LineSet, lines: LineSet, *, is_stopped: bool
 ) -> FollowedLine:
     """Return a finished line: cut at the place if it is followed one way, with its companions, and why it ends."""
-    distance_m = trace.nearest_vertex(one.xyz[:, :2], pick.place)[1]
+    distance_m = nearest_vertex(one.xyz[:, :2], pick.place)[1]
     starts, ends = trace.stop_reasons(one.xyz, ground.is_visible)
     if is_stopped and starts is not TraceStop.RING:
         open_ends = pick.ends(one)
@@ -252,7 +253,7 @@ def _followed(
         one, stops = piece_toward(one, pick.place, pick.direction, stops)
     parts = [
         one,
-        *(lines.take(trace.companions_of(lines, one.xyz, name)) for name in trace.COMPANION_BESIDE_M),
+        *(lines.take(companions_of(lines, one.xyz, name)) for name in COMPANION_BESIDE_M),
     ]
     return FollowedLine(str(one.kind[0]), LineSet.concatenate(parts), distance_m, stops)
 
@@ -261,7 +262,7 @@ def piece_toward(
     one: LineSet, place: FloatArray, direction: FloatArray, stops: tuple[str, str]
 ) -> tuple[LineSet, tuple[str, str]]:
     """Return the piece of a line from a place (2,) on in a direction (2,), and why it ends."""
-    i = min(max(trace.nearest_vertex(one.xyz[:, :2], place)[0], 1), len(one.xyz) - 2)
+    i = min(max(nearest_vertex(one.xyz[:, :2], place)[0], 1), len(one.xyz) - 2)
     ahead = one.xyz[min(i + 4, len(one.xyz) - 1), :2] - one.xyz[max(i - 4, 0), :2]
     if float(ahead @ direction) >= 0.0:
         return trace.line_piece(one, slice(i, None)), (str(TraceStop.PICKED), stops[1])

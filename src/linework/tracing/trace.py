@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.continued import PICKED_TWICE, continue_lines
-from linework.errors import InputError, UsageError, argument
+from linework.errors import RefusedPickError, UsageError, argument
+from linework.lines.companions import HungWires
 from linework.methods.obb import trace
 from linework.methods.obb.method import Obb
 from linework.methods.obb.picks import PickSurroundings, nearest_trackable_place, refusal_reason
@@ -27,7 +27,7 @@ from linework.tracing.boxes import Corridor, SurveyBoxes
 from linework.tracing.medians import partners_of
 from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, piece_toward
 from linework.tracing.rails import RailPieces
-from linework.tracing.wires import HungWires, wires_along
+from linework.tracing.wires import wires_along
 
 #: Kinds that a place can be picked on.
 PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
@@ -307,31 +307,3 @@ def join_over_gap(one: LineSet, new: LineSet) -> LineSet:
 
 
 # The refusal of a pick: why no line can be followed from it, and the nearest place that works
-
-
-class RefusedPickError(InputError):
-    """No line at a place, or at a pixel.
-
-    Parameters
-    ----------
-    reason
-        Reason, without the place.
-    at
-        The place, as text.
-    where
-        Survey or image.
-    works
-        Nearest place (east, north) [m, world] or pixel (col, row) that works; None: there is none near.
-    """
-
-    def __init__(
-        self,
-        reason: str,
-        at: str,
-        *,
-        where: str | Path,
-        advice: str,
-        works: tuple[float, float] | None = None,
-    ) -> None:
-        super().__init__(f"{reason} {at}", where=where, advice=advice)
-        self.reason, self.works = reason, works

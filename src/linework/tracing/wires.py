@@ -6,11 +6,11 @@ Separate from `rails`, which finds the line at a place: this goes on from span t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import FloatArray
+from linework.lines.companions import HungWires
 from linework.methods.cables.networks import CONTINUES_M, conductors, with_networks
 from linework.model.lines import LineSet
 from linework.tracing.rails import CORE_M, RailPieces, distance_m
@@ -23,22 +23,6 @@ _COMPARED = 9
 HALF_SPAN_M = 300.0
 #: Wires of a conductor that are followed at most.
 MOST_FOLLOWED_SPANS = 200
-
-
-@dataclass(frozen=True, slots=True)
-class HungWires:
-    """Wires that hang over the same poles.
-
-    Parameters
-    ----------
-    lines
-        A wire in each span, and those beside it, with their `network`, `circuit` and `span`.
-    is_own
-        (m,) bool: those of the conductor that was asked for.
-    """
-
-    lines: LineSet
-    is_own: BoolArray
 
 
 def wires_along(pieces: RailPieces, wire: FloatArray) -> HungWires | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from urllib.parse import parse_qs, urlsplit
+
 import numpy as np
 import pytest
 from tests.workbench.hand_drawn import hands, off
@@ -107,17 +109,18 @@ def test_what_is_clicked_while_edges_are_sought_is_of_the_next_line(plan, beside
     assert plan.page.get_attribute("body", "data-snap") == ""
 
 
-def test_in_the_section_a_dragged_node_snaps_to_its_edge_with_shift(plan, served):
-    """The top of a kerb is dragged 10 cm aside and 10 cm up, and ends where the true top is all the same."""
-    page = plan.page
+@pytest.fixture
+def top(plan, served):
+    """Show a section across a kerb's top that the server snaps to; return its node, pixels of it and of a metre."""
     truth = read_lines(served.survey / "truth.gpkg")["kerb_top"]
-    before = {line["id"]: line for line in plan.documents().values() if line["kind"] == "kerb_top"}
+    tops = [np.array(line["xyz"])[:, :2] for line in plan.documents().values() if line["kind"] == "kerb_top"]
     for place, xy, heading in hands(truth, "kerb_top", np.random.default_rng(4)):
         query = f"kind=kerb_top&east={place[0]}&north={place[1]}&reach_m=0.3&heading_deg={heading}"
         snapped = served.get(f"/api/snap?{query}")["found"]
-        near = [line for line in before.values() if off(place, np.array(line["xyz"])[:, :2]) < 0.15]
-        if snapped is not None and near and off(np.array(snapped["at"]), xy) < 0.02:
+        is_near = any(off(place, line) < 0.15 for line in tops)
+        if snapped is not None and is_near and off(np.array(snapped["at"]), xy) < 0.02:
             break
+    page = plan.page
     plan.look_at((float(place[0]), float(place[1])))
     plan.click((float(place[0]), float(place[1])))
     page.locator(".section-view").scroll_into_view_if_needed()
@@ -127,18 +130,58 @@ def test_in_the_section_a_dragged_node_snaps_to_its_edge_with_shift(plan, served
     box = page.locator(".section-view canvas").bounding_box()
     middle = box["width"] / 2
     node = min((n for n in nodes if n["kind"] == "kerb_top"), key=lambda n: abs(n["px"][0] - middle))
-    scale = box["width"] / 12.0
-    revision = plan.revision
-    page.mouse.move(box["x"] + node["px"][0], box["y"] + node["px"][1])
+    return node, np.array([box["x"] + node["px"][0], box["y"] + node["px"][1]]), box["width"] / 12.0
+
+
+def moved_vertices(plan, name, before):
+    """Return the vertices of a line that were not there before."""
+    return [vertex for vertex in plan.documents()[name]["xyz"] if vertex not in before["xyz"]]
+
+
+def test_in_the_section_a_dragged_node_snaps_to_its_edge_with_shift(plan, served, top):
+    """The top of a kerb is dragged 10 cm aside and 10 cm up, and ends where the true top is all the same."""
+    page, (node, at, scale) = plan.page, top
+    truth = read_lines(served.survey / "truth.gpkg")["kerb_top"]
+    before, revision = plan.documents()[node["id"]], plan.revision
+    page.mouse.move(*at)
     page.mouse.down()
     page.keyboard.down("Shift")
-    page.mouse.move(box["x"] + node["px"][0] + 0.1 * scale, box["y"] + node["px"][1] - 0.1 * scale, steps=3)
+    page.mouse.move(at[0] + 0.1 * scale, at[1] - 0.1 * scale, steps=3)
     page.wait_for_selector(".section-view canvas[data-snap='top of the kerb']", state="attached")
     page.mouse.up()
     page.keyboard.up("Shift")
     plan.saved_since(revision)
-    after = plan.documents()[node["id"]]
-    moved = [vertex for vertex in after["xyz"] if vertex not in before[node["id"]]["xyz"]]
+    moved = moved_vertices(plan, node["id"], before)
     assert (
         moved and min(off(np.array(vertex[:2]), line.xyz[:, :2]) for vertex in moved for line in truth) < 0.03
     )
+
+
+def test_a_drag_in_the_section_asks_for_one_edge_at_a_time_and_takes_the_last(plan, top):
+    """While the first answer is on its way nothing more is asked; where the node is let go is asked for at once."""
+    page, (node, at, scale) = plan.page, top
+    before, revision = plan.documents()[node["id"]], plan.revision
+    held = []
+    page.route("**/api/snap?*", lambda route: held.append(route))
+    page.mouse.move(*at)
+    page.mouse.down()
+    page.keyboard.down("Shift")
+    page.mouse.move(at[0] + 0.05 * scale, at[1])
+    wait_until(lambda: page.evaluate("1") and len(held) == 1)
+    for k in range(6):
+        page.mouse.move(at[0] + (0.06 + 0.01 * k) * scale, at[1])
+    assert page.evaluate("1") and len(held) == 1
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    wait_until(lambda: page.evaluate("1") and len(held) == 2)
+    height = before["xyz"][0][2]
+    # The late answer of where the node was earlier changes nothing
+    for route, up in ((held[1], height + 0.5), (held[0], height + 0.7)):
+        query = parse_qs(urlsplit(route.request.url).query)
+        place = [float(query[name][0]) for name in ("east", "north")]
+        route.fulfill(json={"found": {"at": place, "up": up, "sigma": None, "edge": "top"}})
+    page.unroute("**/api/snap?*")
+    plan.saved_since(revision)
+    (moved,) = moved_vertices(plan, node["id"], before)
+    assert moved[2] == pytest.approx(height + 0.5, abs=0.002)
+    assert plan.revision == revision + 1

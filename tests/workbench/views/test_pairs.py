@@ -12,7 +12,8 @@ from linework.errors import AbsentError, InputError
 from linework.files.vectors.read_write import read_lines
 from linework.model.lines import LineSet
 from linework.workbench.views import pairs
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 
 @pytest.fixture

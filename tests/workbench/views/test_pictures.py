@@ -17,7 +17,8 @@ from linework.files.vectors.read_write import read_lines
 from linework.model.grid import Bounds
 from linework.workbench.views import tiles as pictures
 from linework.workbench.views.heights import heights_at, heights_from_path
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 IMAGES = ("density", "height", "above_road", "intensity")
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from linework.methods.classes.point_class import PointClass
 from linework.model.lines import LineSet
-from linework.workbench.views.point_classes import CLASS_COLOURS, class_image, lines_near_tile
+from linework.workbench.server.pictures import CLASS_COLOURS, class_image
+from linework.workbench.views.point_classes import lines_near_tile
 from linework.workbench.views.pyramid import MapTile
 
 

@@ -10,7 +10,8 @@ from linework.files.vectors.read_write import read_lines
 from linework.workbench.views.patches import PatchReader, PointPatch
 from linework.workbench.views.snap import _points_about, snapped_place
 from linework.workbench.views.tiles import patch_reader
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 REACH_M = 0.3
 

@@ -59,10 +59,10 @@ def classify_command(
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import read_usable_lines
         from linework.library.classify import RECORD, classified_problem, classify_recordings
+        from linework.processes.system import usable_cores
         from linework.runs.classify import usable_lines
         from linework.runs.compile import compile_stage, compiled_for
         from linework.runs.opened.recordings import opened_recordings
-        from linework.runs.opened.store import usable_cores
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
 

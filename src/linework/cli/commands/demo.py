@@ -78,10 +78,11 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     from linework.files.survey.open import open_survey
     from linework.methods.choose import choose_methods
     from linework.methods.kinds import ALL_KINDS
+    from linework.processes.system import usable_cores
     from linework.runs.extract import ExtractionRequest, extract_to
     from linework.runs.opened.points import points_for_pictures
     from linework.runs.opened.recordings import opened_recordings
-    from linework.runs.opened.store import executor_for, promised_points, usable_cores
+    from linework.runs.opened.store import executor_for, promised_points
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.settings import RunSettings
 

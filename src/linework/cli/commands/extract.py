@@ -134,9 +134,10 @@ def extract_command(
             parse_kinds,
             recordings_for,
         )
+        from linework.processes.system import usable_cores
         from linework.runs.compile import compile_stage, compiled_for
         from linework.runs.opened.cluster import cluster_executor
-        from linework.runs.opened.store import executor_for, promised_points, usable_cores
+        from linework.runs.opened.store import executor_for, promised_points
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
 

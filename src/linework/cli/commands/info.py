@@ -29,9 +29,9 @@ def info(
     from linework.files.remote.address import is_remote
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
+    from linework.processes.system import usable_cores
     from linework.runs.opened.describe import describe_survey
     from linework.runs.opened.points import opened_survey
-    from linework.runs.opened.store import usable_cores
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.steps import RunSteps
 

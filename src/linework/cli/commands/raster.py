@@ -310,8 +310,8 @@ def _check_band(config: FigureConfig) -> None:
 
 def _read(survey: Survey, work: Path | None, steps: RunSteps) -> SurveyInMemory:
     """Return the points and trajectory of the survey, in memory."""
+    from linework.processes.system import usable_cores
     from linework.runs.opened.points import opened_survey, read_into_memory
-    from linework.runs.opened.store import usable_cores
     from linework.runs.opened.work_folder import work_folder
 
     folder = work_folder(survey.root, work)

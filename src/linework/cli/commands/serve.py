@@ -79,7 +79,8 @@ def serve(
     _check_host(host)
     for extra in ("workbench", "reports"):
         check_extra(extra, where="serve")
-    settings = read_settings(config)
+    # The usual settings are left to the workers: they import all methods, which the server does not need
+    settings = None if config is None else read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
         from linework.workbench.worker.conversation import start_worker_process
@@ -90,11 +91,11 @@ def serve(
         held.callback(process.kill)
         with without_collector():
             from linework.methods.kinds import ALL_KINDS
+            from linework.processes.system import usable_cores
             from linework.runs.compile import compile_stage
-            from linework.runs.opened.store import usable_cores
             from linework.runs.steps import RunSteps
             from linework.workbench.server.serve import RunningServer, run_server
-            from linework.workbench.worker.session import SurveyOrder
+            from linework.workbench.worker.order import SurveyOrder
 
         compile_stage((*ALL_KINDS, "stereo"), RunSteps(display))
 

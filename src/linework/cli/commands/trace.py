@@ -325,10 +325,9 @@ def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
 def _add_to_line_file(lines: LineSet, output: Path) -> None:
     """Add a line to a GeoPackage as one edit: its history, and what other programs put there, stay."""
     from linework.editing.edits.continued import continue_lines
-    from linework.editing.queue.carried_over import REJECTED_REVIEW
     from linework.files.line_file.file import LineFile
     from linework.model.changes import Change
-    from linework.model.lines import LineSet
+    from linework.model.lines import REJECTED_REVIEW, LineSet
 
     with LineFile.opened(output, crs=lines.crs, is_held=True) as drawing:
         there = drawing.lines

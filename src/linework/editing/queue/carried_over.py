@@ -12,9 +12,8 @@ from linework.lines.along import line_stretch, places_along, runs_of
 from linework.lines.merged import DOUBLE_APART_M, LEAST_MERGED_M, SAME_SHARE, UNCUT_KINDS, distances_beside
 from linework.lines.names import with_ids
 from linework.model.changes import Change
-from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lines import LINE_COLUMNS, REJECTED_REVIEW, VERTEX_COLUMNS, LineSet
 
-REJECTED_REVIEW = "rejected"
 #: A new line that runs along rejected lines for at least this share of its length is the same object again.
 MOST = 0.5
 #: Kinds whose lines are parts of a line of another kind.

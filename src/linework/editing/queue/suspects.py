@@ -30,8 +30,9 @@ BRIDGED_WRONG = 0.02
 EDGE_WRONG = 0.16
 #: Confidence from which a line has nothing to check, and from which accepting it is proposed.
 SURE_LINE, LIKELY_LINE = 0.98, 0.95
-#: Kinds whose sure lines were counted, and right: nothing else is proposed to be accepted, but kerbs.
-COUNTED = ("lane_marking", "cable", "guardrail", "barrier", "fence")
+#: Kinds of which at least 20 lines that were so sure were counted on worlds that nobody had looked at, and 95 % right: nothing
+#: else is proposed to be accepted (decision 134; seeds from 7001 on, 2026-11-28: docs/workbench.md has the counts).
+COUNTED = ("lane_marking", "cable", "guardrail")
 #: Types of items of many lines, which end the queue.
 ALL_IN_ONE = ("rest", "sure")
 #: Companion lines, reviewed together with their line; edges beside a boundary are an extra to it.
@@ -72,7 +73,9 @@ class Suspect:
     reason
         In words.
     proposal
-        Proposed action: "accept", "reject", "dashes", "kind" with `as_kind`; "" if there is none.
+        Proposed action: "accept"; "" if there is none.
+    as_kind
+        Kind that the lines may be of instead; "": theirs. Nothing is proposed: it was hardly ever counted.
     n_looks
         How many screens one has to look at.
     form
@@ -95,7 +98,7 @@ class Suspect:
     @property
     def gain_m(self) -> float:
         """Expected length that a review corrects. [m]"""  # noqa: D400
-        is_scaled = self.type == "line" and self.proposal != "kind"
+        is_scaled = self.type == "line" and not self.as_kind
         return (wrong_share(self.kind, self.form) if is_scaled else 1.0) * self.length_m / self.n_looks
 
     @property
@@ -129,6 +132,8 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
     """
     length_m, bridged_m, wrong_m, found = lines.length_m, lines.bridged_m, expected_wrong_m(lines), []
     sure_of, likely = _is_sure(lines), _is_likely(lines)
+    # However sure they are: who reads "100 % sure" would wonder why it is listed
+    is_edge = _has_no_kerb(lines) & (lines.confidence > 1.0 - EDGE_WRONG)
     long_bars = _long_bars(lines, way)
     for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, REVIEWED_TOGETHER)).tolist():
         if any(i in run for run in long_bars) or bool(sure_of[i]):
@@ -143,7 +148,8 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
             length_m=float(wrong_m[i]),
             confidence=sure,
             reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m"
-            + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_SUSPECT_M else ""),
+            + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_SUSPECT_M else "")
+            + (f", but without a kerb: {100.0 * EDGE_WRONG:.0f} % of such were wrong" if is_edge[i] else ""),
             proposal="accept" if bool(likely[i]) else "",
             n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
             form=str(lines.form[i]),
@@ -157,7 +163,7 @@ def _is_likely(lines: LineSet) -> BoolArray:
 
     Rejecting was not tried often enough to be proposed.
     """
-    is_counted = np.isin(lines.kind, COUNTED) | ((lines.kind == "road_boundary") & (lines.form == "kerb"))
+    is_counted = np.isin(lines.kind, COUNTED)
     is_seen = lines.bridged_m <= lines.length_m / 2
     return np.asarray(is_counted & is_seen & (lines.confidence >= LIKELY_LINE))
 
@@ -176,8 +182,14 @@ def expected_wrong_m(lines: LineSet) -> FloatArray:
     """Return the length of each line (n,) that is expected to be wrong. [m]"""  # noqa: D400
     wrong_m = (lines.length_m - lines.bridged_m) * (1.0 - lines.confidence)
     wrong_m += lines.bridged_m * np.maximum(1.0 - lines.confidence, BRIDGED_WRONG)
-    is_edge = (lines.kind == "road_boundary") & (lines.form == "edge")
-    return np.asarray(np.where(is_edge, np.maximum(wrong_m, EDGE_WRONG * lines.length_m), wrong_m))
+    return np.asarray(
+        np.where(_has_no_kerb(lines), np.maximum(wrong_m, EDGE_WRONG * lines.length_m), wrong_m)
+    )
+
+
+def _has_no_kerb(lines: LineSet) -> BoolArray:
+    """Return which lines (n,) are boundaries without a kerb."""
+    return np.asarray((lines.kind == "road_boundary") & (lines.form == "edge"))
 
 
 def sure_lines(lines: LineSet) -> list[Suspect]:
@@ -231,7 +243,6 @@ def _no_bars(bars: LineSet) -> Suspect:
         length_m=2.0 * whole_m,
         confidence=0.0,
         reason=f"{whole_m:.0f} m of paint, up to {longest_m:.0f} m in one, are no bars or arrows",
-        proposal="kind",
         as_kind="lane_marking",
     )
 
@@ -295,7 +306,11 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
     ----------
     paint
         By id, where along a line its paint shows dashes, as `dashes_in_paint` finds them. What a line that is not among
-        them lacks follows from the rhythm of its dashes; without one it is estimated, and nothing is proposed.
+        them lacks follows from the rhythm of its dashes; without one it is estimated.
+
+    Notes
+    -----
+    Nothing is proposed: too many of the dashes that paint or rhythm suggest were wrong (decision 134).
     """
     paint = paint or {}
     number = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern != "solid"))
@@ -303,7 +318,7 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
     found = []
     for i in number.tolist():
         line, dashes = lines.take([i]), lines.take(owner == i)
-        missing_m, is_known = _lacking_m(line, dashes, paint.get(str(line.id[0])))
+        missing_m = _lacking_m(line, dashes, paint.get(str(line.id[0])))
         there_m = float(dashes.length_m.sum())
         if missing_m < LEAST_SUSPECT_M:
             continue
@@ -316,23 +331,22 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
                 box=view_box(line.xyz),
                 length_m=missing_m,
                 confidence=there_m / (there_m + missing_m),
-                reason=f"about {missing_m:.0f} m of dashes are missing, {there_m:.0f} m are there",
-                proposal="dashes" if is_known else "",
+                reason=f"about {missing_m:.0f} m of dashes may be missing, {there_m:.0f} m are there",
             )
         )
     return found
 
 
-def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> tuple[float, bool]:
-    """Return the expected length of a line's missing dashes [m], and whether it is known where they belong."""
+def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> float:
+    """Return the expected length of a line's missing dashes. [m]"""  # noqa: D400
     if spans is not None and len(spans):
-        return float(np.diff(spans[missing_spans(line, dashes, spans)[0]], axis=1).sum()), True
+        return float(np.diff(spans[missing_spans(line, dashes, spans)[0]], axis=1).sum())
     rhythm, length_m = rhythm_of(line, dashes), float(line.length_m[0])
     if rhythm is not None:
-        return len(missing_middles(rhythm, length_m)) * rhythm.dash_m, True
+        return len(missing_middles(rhythm, length_m)) * rhythm.dash_m
     if length_m < LEAST_DASHED_LINE_M or spans is not None or line.pattern[0] != "dashed":
-        return 0.0, False
-    return max(DASH_SHARE * length_m - float(dashes.length_m.sum()), 0.0), False
+        return 0.0
+    return max(DASH_SHARE * length_m - float(dashes.length_m.sum()), 0.0)
 
 
 def _line_of_dashes(lines: LineSet, markings: IntArray) -> IntArray:

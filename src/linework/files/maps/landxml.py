@@ -19,7 +19,7 @@ import shapely
 
 import linework
 from linework.arrays import FloatArray
-from linework.crs import LOCAL, describe_crs, epsg_text, metric_twin, stated_crs, unit_factors
+from linework.crs import LOCAL, describe_crs, epsg_text, metric_twin, same_crs, stated_crs, unit_factors
 from linework.errors import InputError, MachineError
 from linework.files.maps.arcs import arc_vertices, clothoid_vertices
 from linework.files.maps.xml_text import (
@@ -174,7 +174,7 @@ def verify_landxml(part: Path, lines: LineSet, path: Path) -> None:
     written, found = _in_one_unit(lines), _in_one_unit(back)
     within = 0.0 if written is lines else _CONVERTED
     if (
-        found.crs != written.crs
+        not same_crs(found.crs, written.crs)
         or not np.array_equal(found.offsets, written.offsets)
         or not np.allclose(found.xyz, written.xyz, rtol=within, atol=0.0)
     ):

@@ -21,7 +21,7 @@ import shapely
 import shapely.geometry
 
 from linework.arrays import AnyArray, offsets_of
-from linework.crs import LOCAL, epsg_text, stated_crs
+from linework.crs import LOCAL, epsg_text, same_crs, stated_crs
 from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.documents import read_json
 from linework.files.input import regular_file_bytes
@@ -144,7 +144,7 @@ def verify_geojson(
     """
     back = read_geojson(part, "kind", None, None, [])
     n_features = len(lines) + sum(len(layer.xyz) for layer in points) + len(lanes or ())
-    same = back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz) and len(back) == len(lines)
+    same = same_crs(back.crs, lines.crs) and np.array_equal(back.xyz, lines.xyz) and len(back) == len(lines)
     if not same or len(_load(part)["features"]) != n_features:
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"

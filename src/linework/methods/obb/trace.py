@@ -6,7 +6,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray
+from linework.lines.companions import closes_on_itself, nearest_vertex
 from linework.methods.obb.joining import SAME_BOUNDARY_M, SAME_PAINT_BOXES_M
 from linework.methods.protocol import Sight
 from linework.methods.tracking.boundary_lines import boundary_line_set as boundary_set
@@ -29,10 +30,8 @@ _FORMS = {
     "lane_marking": (BoxForm.STRIPE,),
     "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER, BoxForm.CHANGE),
 }
-#: Largest distance of a companion from its line: dashes lie on it, a kerb's top within the width of a kerb stone. [m]
-COMPANION_BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
-#: Length beyond an end that is checked for measured ground; and the largest distance of the two ends of a ring. [m]
-_AHEAD_M, _RING_M = 3.0, 1.0
+#: Length beyond an end that is checked for measured ground. [m]
+_AHEAD_M = 3.0
 #: An end within this of a line may belong to the same line, found twice. [m]
 _ON_LINE_M = 0.5
 
@@ -64,31 +63,6 @@ def nearest_line(lines: LineSet, xy: FloatArray, kind: str = "") -> tuple[int, s
             if distance_m <= PICK_M and distance_m < best[2]:
                 best = i, picked_as, distance_m
     return best
-
-
-def nearest_vertex(line: FloatArray, xy: FloatArray) -> tuple[int, float]:
-    """Return the vertex of a line (n, 2) before its point nearest to a place (2,), and that point's distance [m].
-
-    >>> nearest_vertex(np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]]), np.array([12.0, 2.0]))
-    (1, 2.0)
-    """
-    a, step = line[:-1], np.diff(line, axis=0)
-    length2 = np.maximum(np.sum(step * step, axis=1), 1e-12)
-    share = np.clip(np.sum((xy - a) * step, axis=1) / length2, 0.0, 1.0)
-    distance = np.linalg.norm(a + share[:, None] * step - xy, axis=1)
-    i = int(np.argmin(distance))
-    return i, float(distance[i])
-
-
-def companions_of(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
-    """Return the lines of a kind of `COMPANION_BESIDE_M` that belong to a line (n, 3): its dashes, its kerb's top."""
-    own = []
-    for i in np.flatnonzero(lines.kind == kind).tolist():
-        xyz = lines[i].xyz
-        some = xyz[[0, len(xyz) // 2, -1], :2]
-        if max(nearest_vertex(line[:, :2], place)[1] for place in some) <= COMPANION_BESIDE_M[kind]:
-            own.append(i)
-    return np.array(own, dtype=np.int64)
 
 
 def line_piece(one: LineSet, vertices: slice) -> LineSet:
@@ -132,11 +106,6 @@ def end_directions(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     tips = line[[0, -1], :2]
     outward = tips - np.stack([first, last])
     return tips, outward / np.maximum(np.hypot(*outward.T), 1e-9)[:, None]
-
-
-def closes_on_itself(line: FloatArray) -> bool:
-    """Return whether a line (n, 3) ends where it starts, as the kerb of an island does."""
-    return len(line) > 4 and float(np.hypot(*(line[0, :2] - line[-1, :2]))) <= _RING_M
 
 
 def stop_reasons(line: FloatArray, visible: Sight) -> tuple[TraceStop, TraceStop]:

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from linework.errors import MachineError, UsageError, argument
 from linework.files.output.locks import hold_lock
-from linework.runs.opened.store import WORKER_MODULES, usable_cores
+from linework.processes.system import usable_cores
+from linework.runs.opened.store import WORKER_MODULES
 from linework.runs.record import versions
 from linework.runs.resume import source_hash
 

@@ -236,11 +236,6 @@ def _remove_earlier(work: Path, family: str, name: str) -> None:
 WORKER_MODULES = ("linework.runs.tasks", "linework.methods.choose")
 
 
-def usable_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @contextlib.contextmanager
 def executor_for(
     n_points: int,

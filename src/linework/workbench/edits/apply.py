@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,11 +23,10 @@ from linework.editing.edits.vertices import (
     trim_to_vertices,
 )
 from linework.errors import AbsentError, UsageError
-from linework.methods.obb.trace import COMPANION_BESIDE_M
-from linework.methods.obb.trace import companions_of as lies_beside
+from linework.lines.companions import COMPANION_BESIDE_M, HungWires
+from linework.lines.companions import companions_of as lies_beside
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.tracing.wires import HungWires
 from linework.workbench.edits.hung_wires import wires_change
 from linework.workbench.edits.keep_trace import kept_change
 from linework.workbench.edits.median_rails import partner_change
@@ -56,6 +55,7 @@ from linework.workbench.edits.orders import (
     positions_of,
 )
 from linework.workbench.edits.template_lines import parts_beside, with_template, without_twins
+from linework.workbench.server.documents import lines_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,24 +99,6 @@ def change_of(edit: EditOrder, lines: LineSet, inputs: EditInputs) -> Change:
             change: Change = make(edit, lines, inputs)
             return change
     raise UsageError(f"{edit.action} is not an edit", where="edit", advice="reload the page")
-
-
-def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
-    """Return the lines with some ids, each once, in their order.
-
-    Raises
-    ------
-    AbsentError
-        One of them does not exist.
-    """
-    number = {str(name): i for i, name in enumerate(lines.id)}
-    wanted = list(dict.fromkeys(ids))
-    absent = [name for name in wanted if name not in number]
-    if absent:
-        raise AbsentError(
-            f"there is no line {absent[0]}", where="lines", advice="it was deleted; reload the page"
-        )
-    return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))
 
 
 def _reviewed(edit: ReviewLines, lines: LineSet, _: EditInputs) -> Change:

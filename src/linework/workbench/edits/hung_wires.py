@@ -9,9 +9,9 @@ import numpy as np
 
 from linework.editing.edits.attributes import with_review
 from linework.errors import UsageError
+from linework.lines.companions import HungWires
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.tracing.wires import HungWires
 from linework.workbench.edits.keep_trace import same_wires
 
 #: Names of what hangs together, which saved wires are given.

@@ -15,7 +15,7 @@ from linework.editing.edits.split_join import join_two_lines
 from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import UsageError
 from linework.lines.along import line_stretch
-from linework.methods.obb.trace import COMPANION_BESIDE_M, companions_of
+from linework.lines.companions import COMPANION_BESIDE_M, companions_of
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 

@@ -12,8 +12,8 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.editing.edits.new_lines import line_beside
 from linework.errors import UsageError
-from linework.tracing.medians import MEDIAN_KINDS
-from linework.workbench.edits.apply import EditInputs, lines_of
+from linework.lines.companions import MEDIAN_KINDS
+from linework.workbench.edits.apply import EditInputs
 from linework.workbench.edits.orders import (
     AddDashes,
     AddPartner,
@@ -30,13 +30,10 @@ from linework.workbench.edits.orders import (
     SpacePosition,
     positions_of,
 )
-from linework.workbench.following.beside import template_beside
 from linework.workbench.following.templates import template_of_survey
 from linework.workbench.following.traces import INTERRUPT, kept_trace
-from linework.workbench.following.wires import partners_in_worker, wires_in_worker
-from linework.workbench.review.paint import dash_spans
 from linework.workbench.server.app_state import AppState
-from linework.workbench.views.heights import heights_at
+from linework.workbench.server.documents import lines_of
 
 #: Largest distance of a place from the survey: wires may lead out of it, by no more than scanners reach. [m]
 SURVEY_REACH_M = 300.0
@@ -90,7 +87,9 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
     if isinstance(edit, LinesBeside):
         line = lines_of(app_state.line_file.lines, [edit.id])
         template = await asyncio.to_thread(template_of_survey, app_state, edit.template)
-        async with app_state.tracing.request(template_beside, line, template) as request:
+        async with app_state.tracing.request(
+            "linework.workbench.following.beside:template_beside", line, template
+        ) as request:
             with app_state.traces.interruptible(lambda: request.send(INTERRUPT)):
                 async for _ in request:
                     pass
@@ -103,7 +102,9 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
         line = lines_of(app_state.line_file.lines, [edit.id])
         if str(line.kind[0]) != "cable":
             raise UsageError(f"a {line.kind[0]} is not a wire", where=edit.action, advice="select a cable")
-        return EditInputs(wires=await app_state.tracing.ask(wires_in_worker, line.xyz))
+        return EditInputs(
+            wires=await app_state.tracing.ask("linework.workbench.following.wires:wires_in_worker", line.xyz)
+        )
     if isinstance(edit, AddPartner):
         line = lines_of(app_state.line_file.lines, [edit.id])
         if str(line.kind[0]) not in MEDIAN_KINDS:
@@ -111,12 +112,18 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
                 f"a {line.kind[0]} has no partner on a median", where=edit.action,
                 advice="select a guardrail or a barrier",
             )  # fmt: skip
-        return EditInputs(beside=await app_state.tracing.ask(partners_in_worker, line.xyz))
+        return EditInputs(
+            beside=await app_state.tracing.ask(
+                "linework.workbench.following.wires:partners_in_worker", line.xyz
+            )
+        )
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):
         places = line_beside(lines_of(app_state.line_file.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
-        heights = await app_state.pictures.ask(heights_at, edit.kind, places.tolist())
+        heights = await app_state.pictures.ask(
+            "linework.workbench.views.heights:heights_at", edit.kind, places.tolist()
+        )
         return EditInputs(heights=np.column_stack(heights))
     if not isinstance(edit, DrawLine | DrawWire | MoveVertex | InsertVertex):
         return EditInputs()
@@ -127,7 +134,9 @@ async def _dash_spans(edit: AddDashes, app_state: AppState) -> dict[str, FloatAr
     """Return (k, 2) spans of dashes that the paint along lines shows [m], by id."""
     chosen = lines_of(app_state.line_file.lines, edit.ids)
     return {
-        str(chosen.id[k]): await app_state.pictures.ask(dash_spans, chosen[k].xyz, float(chosen.width_m[k]))
+        str(chosen.id[k]): await app_state.pictures.ask(
+            "linework.workbench.review.paint:dash_spans", chosen[k].xyz, float(chosen.width_m[k])
+        )
         for k in np.flatnonzero(chosen.kind == "lane_marking").tolist()
     }
 
@@ -144,7 +153,9 @@ async def _heights(edit: DrawLine | DrawWire | MoveVertex | InsertVertex, app_st
     missing = [i for i, place in enumerate(places) if len(place) == 2]
     if missing:
         wanted = [(*places[i], _height_near(line, places[i])) for i in missing]
-        heights[missing] = np.column_stack(await app_state.pictures.ask(heights_at, kind, wanted))
+        heights[missing] = np.column_stack(
+            await app_state.pictures.ask("linework.workbench.views.heights:heights_at", kind, wanted)
+        )
     return heights
 
 

@@ -11,8 +11,6 @@ from linework.errors import UsageError
 from linework.files.line_file.file import LineFile
 from linework.files.line_file.history import HistoryEntry
 from linework.model.changes import Edit
-from linework.workbench.edits.apply import change_of
-from linework.workbench.edits.measure import check_reach, inputs_for
 from linework.workbench.edits.orders import ChangeOrder
 from linework.workbench.server.app_state import AppState, CurrentState
 from linework.workbench.server.documents import Document, line_documents
@@ -65,6 +63,10 @@ async def save_edit(order: ChangeOrder, app_state: CurrentState, idempotency_key
     done = await asyncio.to_thread(app_state.line_file.saved_as, idempotency_key)
     if done is not None:
         return changed_lines(app_state.line_file, done)
+    await asyncio.to_thread(import_edits)
+    from linework.workbench.edits.apply import change_of
+    from linework.workbench.edits.measure import check_reach, inputs_for
+
     check_reach(order.edit, app_state.facts.bounds)
     inputs = await inputs_for(order.edit, app_state)
 
@@ -75,6 +77,11 @@ async def save_edit(order: ChangeOrder, app_state: CurrentState, idempotency_key
         )
 
     return _broadcast(app_state, await asyncio.to_thread(save))
+
+
+def import_edits() -> None:
+    """Import what makes edits, which takes two seconds the first time: no page waits for it before the first edit."""
+    import linework.workbench.edits.measure  # noqa: F401
 
 
 @edits_router.post("/undo")

@@ -16,7 +16,7 @@ from linework.editing.edits.attributes import with_review
 from linework.editing.edits.continued import SAME_LINE_M
 from linework.editing.edits.new_lines import foot_along
 from linework.lines.along import line_stretch
-from linework.methods.obb.trace import closes_on_itself
+from linework.lines.companions import closes_on_itself
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench.edits.keep_trace import (

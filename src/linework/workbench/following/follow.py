@@ -9,20 +9,20 @@ import contextlib
 import itertools
 import time
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.errors import AbsentError, LineworkError
+from linework.errors import AbsentError, LineworkError, RefusedPickError
 from linework.methods.obb.trace import PICK_M, TRACKED_AS
 from linework.methods.picked_edge.method import SIDES, EdgeStep
 from linework.methods.templates.parallel import TemplateLines
 from linework.methods.templates.template import CrossTemplate
 from linework.model.lines import LineSet
 from linework.tracing.in_images import ImageTracer
-from linework.tracing.trace import RefusedPickError, Trace, Tracer, check_pick_kind
+from linework.tracing.trace import Trace, Tracer, check_pick_kind
 from linework.workbench.following.beside import template_beside
 from linework.workbench.following.messages import (
     FollowPixel,
@@ -33,19 +33,11 @@ from linework.workbench.following.messages import (
     sighting_message,
     stopped_message,
 )
-from linework.workbench.following.traces import INTERRUPT, KeptTrace
+from linework.workbench.following.traces import INTERRUPT, FollowMessage, KeptTrace
 from linework.workbench.worker.session import SurveySession
 
 #: Shortest time between two messages about a growing line: ten a second look smooth. [s]
 LEAST_S = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class FollowMessage:
-    """A message for the page ("": none), and the trace as the page then knows it (None: as before)."""
-
-    text: str
-    trace: KeptTrace | None = None
 
 
 #: Reported at steps that come too fast to be shown, so that the request can be interrupted there.

@@ -9,11 +9,9 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
 from linework.arrays import FloatArray
-from linework.errors import LineworkError, UsageError
-from linework.methods.obb.trace import TraceStop
+from linework.errors import LineworkError, RefusedPickError, UsageError
 from linework.methods.templates.template import LONGEST_NODE_NAME
 from linework.model.lines import LineSet
-from linework.tracing.trace import RefusedPickError
 from linework.workbench.following.traces import KeptTrace
 from linework.workbench.server.documents import Document, line_documents
 from linework.workbench.server.problems import status_and_message
@@ -92,14 +90,6 @@ def order_of(text: str) -> FollowOrder:
 
 # Answers to the page: its type FollowNews, as JSON
 
-#: What can be done where a line ends: look for it beyond a gap, or pick a place further on, which continues it.
-_CHOICES = {
-    TraceStop.FADED: ["bridge", "continue"],
-    TraceStop.END_OF_DATA: ["bridge", "continue"],
-    TraceStop.INTERRUPTED: ["bridge", "continue"],
-    TraceStop.RING: [],
-}
-
 
 def area_message(corners: FloatArray) -> str:
     """Return the message with the square that a line has to cross: corners (4, 2) [m, world]."""
@@ -142,7 +132,13 @@ def choices_at(stop: str) -> list[str]:
     >>> choices_at("the points end there"), choices_at("no lane marking continues")
     (['bridge', 'continue'], ['continue'])
     """
-    return next((choices for known, choices in _CHOICES.items() if str(known) == stop), ["continue"])
+    # Here and not above: the server reads orders, and does not need the methods
+    from linework.methods.obb.trace import TraceStop
+
+    if stop == TraceStop.RING:
+        return []
+    goes_on = stop in (TraceStop.FADED, TraceStop.END_OF_DATA, TraceStop.INTERRUPTED)
+    return ["bridge", "continue"] if goes_on else ["continue"]
 
 
 def refusal_message(error: LineworkError, *, in_image: bool = False) -> str:

@@ -11,12 +11,6 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from linework.errors import LineworkError, UsageError
 from linework.methods.templates.template import CrossTemplate
-from linework.workbench.following.follow import (
-    bridge_in_worker,
-    follow_image_in_worker,
-    follow_in_worker,
-    warm_up_in_worker,
-)
 from linework.workbench.following.messages import (
     FollowBridge,
     FollowOrder,
@@ -146,7 +140,7 @@ async def warm_up_tracing(app_state: AppState) -> None:
     LineworkError
         The survey cannot be used.
     """
-    async with app_state.tracing.request(warm_up_in_worker) as request:
+    async with app_state.tracing.request("linework.workbench.following.follow:warm_up_in_worker") as request:
         with app_state.traces.interruptible(lambda: request.send(INTERRUPT)):
             async for _ in request:
                 pass
@@ -154,12 +148,24 @@ async def warm_up_tracing(app_state: AppState) -> None:
 
 def _request_of(
     app_state: AppState, order: FollowOrder, template: CrossTemplate | None
-) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
-    """Return the function of an order, its arguments, and the id of its trace."""
+) -> tuple[str, tuple[Any, ...], str]:
+    """Return the name of the function of an order, its arguments, and the id of its trace."""
     assert not isinstance(order, StopFollowing)
     if isinstance(order, FollowBridge):
         end = ("start", "end").index(order.end)
-        return bridge_in_worker, (app_state.traces.get(order.trace), end, template), order.trace
+        return (
+            "linework.workbench.following.follow:bridge_in_worker",
+            (app_state.traces.get(order.trace), end, template),
+            order.trace,
+        )
     if isinstance(order, FollowPixel):
-        return follow_image_in_worker, (order,), app_state.traces.new_id()
-    return follow_in_worker, (order, template), app_state.traces.new_id()
+        return (
+            "linework.workbench.following.follow:follow_image_in_worker",
+            (order,),
+            app_state.traces.new_id(),
+        )
+    return (
+        "linework.workbench.following.follow:follow_in_worker",
+        (order, template),
+        app_state.traces.new_id(),
+    )

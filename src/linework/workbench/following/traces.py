@@ -53,6 +53,14 @@ class KeptTrace:
         return self.lines if self.beside is None else LineSet.concatenate([self.lines, self.beside])
 
 
+@dataclass(frozen=True, slots=True)
+class FollowMessage:
+    """A message for the page ("": none), and the trace as the page then knows it (None: as before)."""
+
+    text: str
+    trace: KeptTrace | None = None
+
+
 @dataclass(slots=True)
 class KeptTraces:
     """The last traces of all pages, and how to interrupt the current one."""

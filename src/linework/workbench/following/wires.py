@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from linework.arrays import FloatArray
 from linework.errors import AbsentError
+from linework.lines.companions import HungWires
 from linework.model.lines import LineSet
-from linework.tracing.wires import HungWires
 from linework.workbench.following.follow import tracer_of
 from linework.workbench.worker.session import SurveySession
 

@@ -1,4 +1,7 @@
-"""The request of a job: an automatic extraction of the served survey, as `linework extract` does it."""
+"""The request of a job: an automatic extraction of the served survey, as `linework extract` does it.
+
+Separate from `jobs`, because it runs in the process of the job and imports all methods.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +9,17 @@ import contextlib
 import hashlib
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from linework.errors import UsageError
 from linework.methods.kinds import recordings_for
-from linework.model.lines import LineSet
-from linework.processes.system import give_way
+from linework.processes.system import give_way, usable_cores
 from linework.runs.opened.made import RUNS, claim, remove_made
 from linework.runs.opened.recordings import opened_recordings
-from linework.runs.opened.store import executor_for, promised_points, usable_cores
+from linework.runs.opened.store import executor_for, promised_points
 from linework.runs.steps import RunSteps
+from linework.workbench.jobs.orders import JobRequest, JobResult
 from linework.workbench.worker.session import SurveySession
 
 #: Shortest time between reports of progress: five a second move smoothly. [s]
@@ -26,42 +28,6 @@ _REPORT_S = 0.2
 _ALIVE_S = 10.0
 #: Increment of the process's niceness (nice(2)): the page and its workers come first.
 _NICE = 10
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobRequest:
-    """What a job has to find.
-
-    Parameters
-    ----------
-    kinds, method
-        See `linework.methods.kinds`.
-    name
-        Distinguishes its unfinished run from others: the same for the same line file.
-    """
-
-    kinds: tuple[str, ...]
-    method: str
-    name: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobResult:
-    """Result of a job.
-
-    Parameters
-    ----------
-    lines
-        Lines of all requested kinds.
-    counts
-        Number of lines by requested kind, 0 included.
-    message
-        What was left out and why, on one line; "": nothing.
-    """
-
-    lines: LineSet
-    counts: dict[str, int]
-    message: str
 
 
 def extract_in_worker(session: SurveySession, request: JobRequest) -> str:

@@ -13,11 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from linework.editing.queue.carried_over import extraction_change
 from linework.errors import AbsentError, LineworkError, OutputExistsError, StaleError
 from linework.model.changes import Change, Edit
 from linework.workbench.edits.routes import changed_lines
-from linework.workbench.jobs.extract import JobRequest, JobResult, discard_job_lines, extract_in_worker
+from linework.workbench.jobs.orders import JobRequest, JobResult
 from linework.workbench.server.app_state import AppState
 from linework.workbench.server.documents import Document
 from linework.workbench.server.problems import status_and_message
@@ -154,7 +153,7 @@ class Jobs:
     async def _extracted(self, name: str, request: JobRequest, worker: SurveyWorker) -> str:
         """Save the lines that the job's process finds, sending its progress; return its report."""
         step, began = "", time.monotonic()
-        async with worker.request(extract_in_worker, request) as extraction:
+        async with worker.request("linework.workbench.jobs.extract:extract_in_worker", request) as extraction:
             async for message in extraction:
                 if isinstance(message, JobResult):
                     await self._take(name, request, message)
@@ -192,7 +191,7 @@ class Jobs:
             with contextlib.suppress(StaleError):
                 await save_job_result(self._app_state, found)
                 is_saved = True
-        await asyncio.to_thread(discard_job_lines, Path(self._app_state.facts.work), request)
+        await asyncio.to_thread(_discard, Path(self._app_state.facts.work), request)
 
     def _change(self, name: str, **changes: Any) -> None:
         """Change the state of a job, and send it to all pages."""
@@ -200,6 +199,13 @@ class Jobs:
             return  # no longer kept
         job = self._jobs[name] = self._jobs[name].model_copy(update=changes)
         self._app_state.broadcaster.send({"type": "job", **job.model_dump()})
+
+
+def _discard(work: Path, request: JobRequest) -> None:
+    # Here and not above, as in `_change_of`: only who extracts needs what these import
+    from linework.workbench.jobs.extract import discard_job_lines
+
+    discard_job_lines(work, request)
 
 
 #: Vertices of the largest change that is sent line by line: after a larger one pages reload what they miss.
@@ -223,6 +229,8 @@ async def save_job_result(app_state: AppState, found: JobResult) -> None:
 
 def _change_of(app_state: AppState, found: JobResult) -> Change:
     """Return the change to the lines as they are now: what people accepted, rejected, edited or drew stays."""
+    from linework.editing.queue.carried_over import extraction_change
+
     return extraction_change(
         app_state.line_file.lines, found.lines, list(found.counts), app_state.line_file.judged
     )

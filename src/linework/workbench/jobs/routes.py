@@ -9,8 +9,8 @@ from pydantic import Field
 
 from linework.errors import InputError, UsageError
 from linework.methods.kinds import ALL_KINDS, check_method, findable_kinds, kinds_of_method, parse_kinds
-from linework.workbench.jobs.extract import JobRequest
 from linework.workbench.jobs.jobs import Job, Jobs
+from linework.workbench.jobs.orders import JobRequest
 from linework.workbench.server.app_state import state_of_request
 from linework.workbench.server.documents import Document
 from linework.workbench.server.guard import REPORT_POLICY

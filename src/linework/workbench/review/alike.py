@@ -1,13 +1,14 @@
-"""After an edit: the lines in which the same fault may be, and its route; taught by the example that a person gave."""
+"""After an edit: the lines in which the same fault may be; taught by the example that a person gave.
+
+Separate from `routes`, which every server imports: this imports what compares lines.
+"""
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from fastapi import APIRouter, Query, Request
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.editing.queue.alike import (
@@ -17,16 +18,14 @@ from linework.editing.queue.alike import (
     line_measures,
     lines_alike,
 )
-from linework.editing.queue.carried_over import REJECTED_REVIEW
 from linework.editing.queue.suspects import line_middle, view_box
 from linework.files.line_file.file import LineFile
 from linework.model.changes import Change
-from linework.model.lines import LineSet
+from linework.model.lines import REJECTED_REVIEW, LineSet
 from linework.workbench.edits.apply import COMPANIONS
 from linework.workbench.review.point_measures import PointsOfLines
+from linework.workbench.review.routes import AlikeItem
 from linework.workbench.review.suspects import driven_path
-from linework.workbench.server.app_state import CurrentState
-from linework.workbench.server.documents import Document
 from linework.workbench.worker.session import SurveySession
 
 #: Lines that are listed, at most: more than a person looks at one by one.
@@ -41,39 +40,6 @@ MEASURED_AT_ONCE = 30
 _MOST_BACK = 50
 #: Attributes that a person sets because a line has them wrong.
 TAUGHT_COLUMNS = ("role", "pattern", "form", "condition", "double")
-
-alike_router = APIRouter(prefix="/api")
-
-
-class AlikeItem(Document):
-    """A line in which the same fault may be, as the page gets it.
-
-    Parameters
-    ----------
-    at, box
-        East and north of its middle, and west, south, east, north around it. [m, world]
-    reason
-        In what it is like the example, in words.
-    is_very
-        It is very much like it (`VERY_LIKE_CHANCE`); no reason to take it in without a look, see decision 106.
-    """
-
-    id: str
-    at: list[float]
-    box: list[float]
-    length_m: float
-    reason: str
-    is_very: bool
-
-
-class AlikeLines(Document):
-    """What an edit taught: `mend` is the edit for all, without ids; None: the edit teaches nothing."""
-
-    edit: int
-    kind: str
-    mend: dict[str, Any] | None
-    n_looked: int
-    items: list[AlikeItem]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,31 +69,6 @@ class Taught:
     def n_looked_at(self) -> int:
         """Number of the examples that are compared with others: `MOST_EXAMPLES` at most, as more teach little."""
         return min(len(self.examples), MOST_EXAMPLES)
-
-
-@alike_router.get("/alike")
-async def get_alike(
-    request: Request, app_state: CurrentState, edit: Annotated[int, Query(ge=1, le=2**53)]
-) -> AlikeLines:
-    """Return the lines in which the fault may be that an edit mended; none once the page that asked has gone."""
-    none = AlikeLines(edit=edit, kind="", mend=None, n_looked=0, items=[])
-    taught = await asyncio.to_thread(taught_by_edit, app_state.line_file, edit)
-    if taught is None:
-        return none
-    lines, chosen = await asyncio.to_thread(lambda: population_of(taught, app_state.line_file.lines))
-    own = lines.take(chosen)
-    parts: list[dict[str, FloatArray]] = []
-    # The worker makes pictures, too, and gets no request that is long: pictures go between
-    for first in range(0, len(own), MEASURED_AT_ONCE):
-        if await request.is_disconnected():
-            return none
-        part = own.take(range(first, min(first + MEASURED_AT_ONCE, len(own))))
-        parts.append(await app_state.pictures.ask(points_in_worker, part))
-    measures = await app_state.pictures.ask(lines_in_worker, lines, chosen)
-    measures |= {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    found = await asyncio.to_thread(alike_of, taught, own, measures)
-    items = [alike_item(own.take([one.line]), one) for one in found[:MOST_ALIKE]]
-    return AlikeLines(edit=edit, kind=taught.kind, mend=taught.mend, n_looked=len(own), items=items)
 
 
 def taught_by_edit(line_file: LineFile, number: int) -> Taught | None:

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
 
-from linework.editing.queue.carried_over import REJECTED_REVIEW
 from linework.files.line_file.file import LineFile
+from linework.model.lines import REJECTED_REVIEW
 from linework.workbench.server.app_state import CurrentState
 from linework.workbench.server.guard import REPORT_POLICY
 

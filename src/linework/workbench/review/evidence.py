@@ -1,16 +1,13 @@
-"""The evidence of an item of the queue, and its route: what the points across and along its line show."""
+"""The evidence of an item of the queue: what the points across and along its line show."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from fastapi import APIRouter, Query
 
 from linework.arrays import BoolArray, FloatArray, distance_along
-from linework.workbench.edits.apply import lines_of
 from linework.workbench.review.fits import AcrossFit, middle_of_points, step_across, stripe_across
-from linework.workbench.server.app_state import CurrentState
 from linework.workbench.views.points import MOST_SECTION_POINTS
 from linework.workbench.views.straightened import StraightAxis, points_along
 from linework.workbench.views.tiles import patch_reader
@@ -32,32 +29,6 @@ _STATION_M = 1.0
 _MOST_DRAWN = 600
 _PAINTED = ("lane_marking", "lane_marking_dash", "road_marking_other")
 _STEPS = ("road_boundary", "kerb_top")
-
-evidence_router = APIRouter(prefix="/api")
-_Metres = Annotated[float, Query(ge=-1e8, le=1e8, allow_inf_nan=False)]
-
-
-@evidence_router.get("/evidence")
-async def get_evidence(
-    app_state: CurrentState,
-    kind: Annotated[str, Query(max_length=40)],
-    east: _Metres,
-    north: _Metres,
-    line: Annotated[str, Query(max_length=200)] = "",
-    beyond: bool = False,
-) -> dict[str, Any]:
-    """Return what the points show of a line about a place, or beyond its end there; without a line, of a missing one."""
-    xyz = (
-        lines_of(app_state.line_file.lines, [line]).xyz
-        if line
-        else np.array(app_state.facts.path).reshape(-1, 3)
-    )
-    if len(xyz) < 2 or not app_state.facts.n_points:
-        return {"across": None, "along": None, "facts": []}
-    found: dict[str, Any] = await app_state.pictures.ask(
-        evidence_at, kind, xyz, (east, north), not line, beyond
-    )
-    return found
 
 
 def evidence_at(

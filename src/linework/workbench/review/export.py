@@ -17,7 +17,6 @@ import numpy as np
 from fastapi import APIRouter, Response
 from pydantic import Field
 
-from linework.editing.queue.carried_over import REJECTED_REVIEW
 from linework.errors import InputError, UsageError
 from linework.files.input import read_input_text
 from linework.files.line_file.file import LineFile
@@ -27,7 +26,7 @@ from linework.files.vectors.gpkg import read_poles
 from linework.files.vectors.lane_layer import check_lanes
 from linework.files.vectors.point_layers import read_point_layers
 from linework.files.vectors.read_write import not_expressed, points_left_out, write_lines
-from linework.model.lines import LineSet
+from linework.model.lines import REJECTED_REVIEW, LineSet
 from linework.workbench.server.app_state import CurrentState
 from linework.workbench.server.documents import Document
 

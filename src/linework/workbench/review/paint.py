@@ -1,4 +1,7 @@
-"""Requests to a worker for the paint along lines: its brightness, and the dashes that it shows."""
+"""Requests to a worker for the paint along lines: its brightness, and the dashes that it shows.
+
+Separate from `suspects`, because edits ask the worker for the dashes of single lines, too.
+"""
 
 from __future__ import annotations
 

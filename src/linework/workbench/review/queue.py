@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Container, Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter, Request
 
-from linework.editing.queue.suspects import ALL_IN_ONE, Suspect
 from linework.files.line_file.file import LineFile
 from linework.files.line_file.history import HistoryEntry
 from linework.model.lines import LineSet
-from linework.workbench.review.suspects import suspects_in_worker
 from linework.workbench.server.app_state import CurrentState
 from linework.workbench.server.documents import Document
 
+if TYPE_CHECKING:
+    from linework.editing.queue.suspects import Suspect
+
+#: Function of the worker that finds what is listed.
+SUSPECTS = "linework.workbench.review.suspects:suspects_in_worker"
 #: Start of the action of an edit that dismisses a suspect; its key follows.
 DISMISS = "dismiss "
 #: Longest queue that is shown: more than a person settles in a day.
 MOST_ITEMS = 500
 
-FindSuspects = Callable[[LineSet, frozenset[str]], Awaitable[Sequence[Suspect]]]
+FindSuspects = Callable[[LineSet, frozenset[str]], Awaitable[Sequence["Suspect"]]]
 
 review_router = APIRouter(prefix="/api")
 
@@ -58,7 +61,7 @@ async def get_queue(request: Request, app_state: CurrentState) -> list[QueueItem
     if kept is None:
         kept = request.app.state.queue = ReviewQueue(
             app_state.line_file,
-            lambda lines, dismissed: app_state.pictures.ask(suspects_in_worker, lines, dismissed),
+            lambda lines, dismissed: app_state.pictures.ask(SUSPECTS, lines, dismissed),
         )
     return await kept.items()
 
@@ -118,6 +121,8 @@ def _dismissals(entries: Iterable[HistoryEntry]) -> dict[int, str]:
 
 def queue_items(suspects: Iterable[Suspect], dismissed: Container[str]) -> list[QueueItem]:
     """Return the items of suspects whose keys are not dismissed, `MOST_ITEMS` at most; items of many lines are never cut off."""
+    from linework.editing.queue.suspects import ALL_IN_ONE
+
     open_ = [suspect for suspect in suspects if suspect.key not in dismissed]
     last = [suspect for suspect in open_ if suspect.type in ALL_IN_ONE]
     others = [suspect for suspect in open_ if suspect.type not in ALL_IN_ONE][: MOST_ITEMS - len(last)]
@@ -144,4 +149,4 @@ def _proposal(suspect: Suspect) -> dict[str, Any] | None:
     action, ids = suspect.proposal, list(suspect.ids)
     if not action:
         return None
-    return {"action": action, "ids": ids} | ({"kind": suspect.as_kind} if suspect.as_kind else {})
+    return {"action": action, "ids": ids}

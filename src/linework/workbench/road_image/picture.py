@@ -33,7 +33,6 @@ from linework.workbench.views.pyramid import TILE_PX, MapTile
 from linework.workbench.worker.session import SurveySession
 
 #: Name of the image among those of the plan, and its title.
-ROAD_IMAGE, ROAD_TITLE = "road", "Road image"
 #: Coarsest level that is shown, of 12.5 cm a pixel: above it a tile takes hundreds of images.
 COARSEST_ROAD_LEVEL = -1
 #: Images and tiles that are kept in memory: 8 of 2 megapixels in colour are 50 MB.
@@ -41,11 +40,6 @@ _N_IMAGES, _N_TILES = 8, 96
 #: A pose nearer to the last one that is looked at is left out: 10 m ahead, footprints, which grow with the square of the
 #: distance, differ by less than 2 % then, and a van that waits has hundreds of poses at one place. [m]
 MOVED_M = 0.1
-
-
-def road_document() -> dict[str, object]:
-    """Return the image of the plan as the page's type `SurveyImage`."""
-    return {"name": ROAD_IMAGE, "title": ROAD_TITLE, "unit": "", "classes": []}
 
 
 def road_tile_png(session: SurveySession, tile: MapTile) -> bytes:

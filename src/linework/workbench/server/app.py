@@ -11,11 +11,10 @@ from linework.workbench.edits.routes import edits_router
 from linework.workbench.following.routes import follow_router
 from linework.workbench.following.templates import template_router
 from linework.workbench.jobs.routes import jobs_router
-from linework.workbench.review.alike import alike_router
 from linework.workbench.review.chainage import chainage_router
-from linework.workbench.review.evidence import evidence_router
 from linework.workbench.review.export import export_router
 from linework.workbench.review.queue import review_router
+from linework.workbench.review.routes import alike_router, evidence_router
 from linework.workbench.server.answers import answer_errors
 from linework.workbench.server.app_state import AppState
 from linework.workbench.server.problems import PROBLEMS

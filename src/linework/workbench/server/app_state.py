@@ -14,7 +14,7 @@ from linework.files.line_file.file import LineFile
 from linework.workbench.following.traces import KeptTraces
 from linework.workbench.worker.conversation import SurveyWorker
 from linework.workbench.worker.open import SurveyFacts
-from linework.workbench.worker.session import SurveyOrder
+from linework.workbench.worker.order import SurveyOrder
 
 #: Messages that wait for a page that does not read them; then it is told to reload everything.
 MOST_WAITING = 1000

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from linework.arrays import BoolArray, FloatArray
+from linework.errors import AbsentError
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 
@@ -68,3 +70,21 @@ def run_bounds(flags: BoolArray) -> list[list[int]]:
 
 def _numbers(values: FloatArray) -> list[float | None]:
     return [None if value != value else value for value in np.round(values, _DECIMALS).tolist()]
+
+
+def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
+    """Return the lines with some ids, each once, in their order.
+
+    Raises
+    ------
+    AbsentError
+        One of them does not exist.
+    """
+    number = {str(name): i for i, name in enumerate(lines.id)}
+    wanted = list(dict.fromkeys(ids))
+    absent = [name for name in wanted if name not in number]
+    if absent:
+        raise AbsentError(
+            f"there is no line {absent[0]}", where="lines", advice="it was deleted; reload the page"
+        )
+    return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))

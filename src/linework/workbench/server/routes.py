@@ -17,11 +17,10 @@ from linework.editing.edits.attributes import CHOICES, KINDS_WITH
 from linework.files.line_file.file import LineFile
 from linework.files.vectors.fields import colour_of
 from linework.model.lines import KINDS
-from linework.workbench.road_image.picture import road_document
 from linework.workbench.server.app_state import AppState, CurrentState, state_of_socket
 from linework.workbench.server.documents import line_documents
+from linework.workbench.server.pictures import class_image, road_image
 from linework.workbench.server.problems import hide_paths
-from linework.workbench.views.point_classes import class_image
 from linework.workbench.views.pyramid import IMAGES, Lattice
 from linework.workbench.worker.open import SurveyFacts
 
@@ -131,7 +130,7 @@ def survey_document(app_state: AppState, *, busy: str) -> dict[str, Any]:
 
 def _images(facts: SurveyFacts) -> list[dict[str, Any]]:
     """Return the images of the plan view: of points, and of what the cameras saw."""
-    road = [road_document()] if facts.n_pairs else []
+    road = [road_image()] if facts.n_pairs else []
     if not facts.n_points:
         return road
     plain: list[dict[str, Any]] = [

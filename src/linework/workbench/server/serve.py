@@ -33,7 +33,7 @@ from linework.workbench.server.guard import Guard, page_files
 from linework.workbench.server.sessions import Sessions
 from linework.workbench.worker.conversation import SurveyWorker
 from linework.workbench.worker.open import SurveyFacts, open_in_worker, read_folder_and_crs
-from linework.workbench.worker.session import SurveyOrder
+from linework.workbench.worker.order import SurveyOrder
 from linework.workbench.worker.warm_up import StartupProgress, warm_up
 
 #: File of the lines in the survey's folder, unless another one is named.

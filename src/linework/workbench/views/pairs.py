@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from linework.errors import AbsentError
 from linework.files.images.screen import screen_image, screen_thumbnail
 from linework.files.logs.photolog import van_log
 from linework.imaging.projected import PROJECTED_DEPTH_M, ProjectedLines, projected
@@ -21,10 +20,10 @@ from linework.model.lines import LineSet
 from linework.model.logs import LoggedPlaces
 from linework.model.survey import Survey
 from linework.runs.opened.pairs import OpenedStereo
+from linework.workbench.server.pictures import CameraSide, no_such_pair_error
 from linework.workbench.worker.session import SurveySession
 
 #: Camera of a pair.
-CameraSide = Literal["left", "right"]
 #: Thumbnails kept in memory: 4 kB each.
 _MOST_KEPT = 4096
 #: Half width of the widest lenses' view, as a multiple of the depth: 60 degrees from the axis.
@@ -168,11 +167,6 @@ def _stereo(session: SurveySession, number: int) -> OpenedStereo:
 
 def _pair(session: SurveySession, number: int) -> ImagePair:
     return next(pair for pair in _stereo(session, number).pairs if pair.number == number)
-
-
-def no_such_pair_error(number: int) -> AbsentError:
-    """Return the error to raise if no pair has a number."""
-    return AbsentError(f"there is no pair {number}")
 
 
 def _camera(session: SurveySession, side: CameraSide) -> Camera:

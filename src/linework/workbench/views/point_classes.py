@@ -11,36 +11,20 @@ from collections import OrderedDict
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.editing.queue.carried_over import REJECTED_REVIEW
 from linework.files.store.read import PointStore
 from linework.kernels.cells import tile_cells as kernels
 from linework.methods.classes.pieces import RoadPieces
 from linework.methods.classes.point_class import PointClass
 from linework.methods.classes.tile import PLAN_MARGIN_M, STANDING_MARGIN_M, tile_classes
-from linework.model.lines import LineSet
+from linework.model.lines import REJECTED_REVIEW, LineSet
 from linework.runs.opened.surface import SurveySurface
 from linework.surface.cells import path_samples
+from linework.workbench.server.pictures import CLASS_COLOURS
 from linework.workbench.views.layers import FILL_CELLS, FILL_M, margin_cells
 from linework.workbench.views.pyramid import FINEST, TILE_BLOCK_M, TILE_PX, MapTile
 from linework.workbench.views.tile_colours import indexed_png
 from linework.workbench.worker.session import SurveySession
 
-#: Name of the image.
-CLASS_IMAGE = "class"
-#: Class, title and colour; of several classes in one pixel the last in this list is shown: what is thin or high.
-CLASS_COLOURS = (
-    (PointClass.OTHER, "Other", "#3a3d42"),
-    (PointClass.VERGE, "Verge", "#7c9a5e"),
-    (PointClass.VEGETATION, "Vegetation", "#2f7d3a"),
-    (PointClass.FOOTWAY, "Footway", "#c9a26b"),
-    (PointClass.ROAD, "Road", "#6b7078"),
-    (PointClass.KERB, "Kerb", "#f2d03b"),
-    (PointClass.MARKING, "Marking", "#ffffff"),
-    (PointClass.BARRIER, "Barrier", "#2f6fe0"),
-    (PointClass.RAIL, "Guardrail", "#35c4e8"),
-    (PointClass.POLE, "Pole", "#ff7a2f"),
-    (PointClass.WIRE, "Wire", "#ff5fd2"),
-)
 #: Most points of a picture: they are classified in a second or two.
 MOST_CLASSIFIED = 4_000_000
 #: Blocks that are kept, of 16 MB each.
@@ -49,12 +33,6 @@ _N_KEPT = 8
 _BLOCK_CELLS, _PATH_STEP_M = TILE_PX << -FINEST, 0.5
 #: Margin of lines around a tile [m]: boundaries that end within 30 m of one another are one.
 _LINES_M = PLAN_MARGIN_M + 30.0
-
-
-def class_image() -> dict[str, object]:
-    """Return the image as the page lists it, with its classes."""
-    classes = [{"title": title, "colour": colour} for _, title, colour in CLASS_COLOURS]
-    return {"name": CLASS_IMAGE, "title": "Class", "unit": "", "classes": classes}
 
 
 def lines_near_tile(lines: LineSet, tile: MapTile) -> LineSet:

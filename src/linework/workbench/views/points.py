@@ -12,12 +12,11 @@ from linework.arrays import AnyArray, BoolArray, Float32Array
 from linework.errors import UsageError
 from linework.kernels.cells import even_thinning as kernels
 from linework.model.grid import Bounds
+from linework.workbench.server.pictures import THICKEST_M, WIDEST_M
 from linework.workbench.views.patches import PointPatch
 from linework.workbench.views.tiles import patch_reader, picture_scale
 from linework.workbench.worker.session import SurveySession
 
-#: Most points shown at once: a page holds each in 15 bytes, and a graphics card draws them smoothly.
-MOST_SHOWN_POINTS = 1_000_000
 #: Longest side of a place; larger ones are viewed in plan. [m]
 LONGEST_PLACE_M = 1000.0
 #: Points drawn at random before they are thinned evenly, as a multiple of those wanted.
@@ -155,8 +154,6 @@ def packed_points(
     )
 
 
-#: Largest half width and thickness of a section. [m]
-WIDEST_M, THICKEST_M = 60.0, 20.0
 #: Most points of a section: a dozen for every pixel.
 MOST_SECTION_POINTS = 200_000
 

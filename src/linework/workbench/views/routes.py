@@ -15,34 +15,22 @@ from pydantic import Field
 
 from linework.errors import LineworkError
 from linework.model.grid import Bounds
-from linework.workbench.edits.apply import lines_of
-from linework.workbench.road_image.picture import ROAD_IMAGE, road_tile_png
+from linework.model.lines import LineSet
 from linework.workbench.server.app_state import AppState, CurrentState
-from linework.workbench.server.documents import Document
-from linework.workbench.views.heights import heights_at
-from linework.workbench.views.pairs import (
-    CameraSide,
-    image_jpeg,
-    lines_in_pair,
-    lines_near_camera,
-    list_keys,
-    list_pairs,
-    no_such_pair_error,
-    thumbnail_jpeg,
-)
-from linework.workbench.views.point_classes import CLASS_IMAGE, class_tile_png, lines_near_tile
-from linework.workbench.views.points import (
+from linework.workbench.server.documents import Document, lines_of
+from linework.workbench.server.pictures import (
+    CLASS_IMAGE,
+    FARTHEST_OFFSET_M,
+    FARTHEST_SNAP_M,
+    LEAST_SNAP_M,
     MOST_SHOWN_POINTS,
+    ROAD_IMAGE,
     THICKEST_M,
     WIDEST_M,
-    points_of_place,
-    section_at,
+    CameraSide,
+    no_such_pair_error,
 )
-from linework.workbench.views.pyramid import Lattice
-from linework.workbench.views.search_area import search_area_document
-from linework.workbench.views.snap import FARTHEST_SNAP_M, LEAST_SNAP_M, snapped_place
-from linework.workbench.views.straightened import FARTHEST_OFFSET_M, straightened_points
-from linework.workbench.views.tiles import prepare_tiles, tile_png
+from linework.workbench.views.pyramid import Lattice, MapTile
 
 views_router = APIRouter(prefix="/api")
 
@@ -91,15 +79,26 @@ async def get_tile(
         if await request.is_disconnected():
             return Response(status_code=204)
         if image == ROAD_IMAGE:
-            png: bytes = await app_state.pictures.ask(road_tile_png, wanted)
+            png: bytes = await app_state.pictures.ask(
+                "linework.workbench.road_image.picture:road_tile_png", wanted
+            )
         elif image == CLASS_IMAGE:
-            near = lines_near_tile(app_state.line_file.lines, wanted)
-            png = await app_state.pictures.ask(class_tile_png, wanted, near)
+            near = await asyncio.to_thread(_lines_near_tile, app_state.line_file.lines, wanted)
+            png = await app_state.pictures.ask(
+                "linework.workbench.views.point_classes:class_tile_png", wanted, near
+            )
         else:
-            png = await app_state.pictures.ask(tile_png, image, wanted)
+            png = await app_state.pictures.ask("linework.workbench.views.tiles:tile_png", image, wanted)
     if not png:
         return Response(status_code=204)
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})
+
+
+def _lines_near_tile(lines: LineSet, tile: MapTile) -> LineSet:
+    # Imports what classifies points: only where classes are looked at
+    from linework.workbench.views.point_classes import lines_near_tile
+
+    return lines_near_tile(lines, tile)
 
 
 @views_router.get("/points", response_class=Response)
@@ -110,7 +109,12 @@ async def get_points(
     """Return points of a rectangle, evenly thinned to `most`, between two heights if given."""
     heights = -math.inf if low is None else low, math.inf if high is None else high
     bounds = Bounds(west, south, east, north)
-    return Response(await app_state.pictures.ask(points_of_place, bounds, most, heights), media_type=_BINARY)
+    return Response(
+        await app_state.pictures.ask(
+            "linework.workbench.views.points:points_of_place", bounds, most, heights
+        ),
+        media_type=_BINARY,
+    )
 
 
 @views_router.get("/section", response_class=Response)
@@ -122,7 +126,10 @@ async def get_section(
 ) -> Response:  # fmt: skip
     """Return the points of a section across a heading, from a place: x to the right, y along it."""
     section = (east, north), heading_deg, half_width_m, thickness_m
-    return Response(await app_state.pictures.ask(section_at, *section), media_type=_BINARY)
+    return Response(
+        await app_state.pictures.ask("linework.workbench.views.points:section_at", *section),
+        media_type=_BINARY,
+    )
 
 
 @views_router.get("/straightened", response_class=Response)
@@ -138,20 +145,27 @@ async def get_straightened(
         else np.array(app_state.facts.path).reshape(-1, 3)
     )
     stretch = path, from_m, to_m, half_width_m
-    return Response(await app_state.pictures.ask(straightened_points, *stretch), media_type=_BINARY)
+    return Response(
+        await app_state.pictures.ask("linework.workbench.views.straightened:straightened_points", *stretch),
+        media_type=_BINARY,
+    )
 
 
 @views_router.get("/search-area")
 async def get_search_area(app_state: CurrentState, east: QueryMetres, north: QueryMetres) -> dict[str, Any]:
     """Return what the search area about a place shows: its points, its floor, and the histogram of intensities."""
-    found: dict[str, Any] = await app_state.pictures.ask(search_area_document, (east, north))
+    found: dict[str, Any] = await app_state.pictures.ask(
+        "linework.workbench.views.search_area:search_area_document", (east, north)
+    )
     return found
 
 
 @views_router.post("/heights")
 async def get_heights(app_state: CurrentState, wanted: HeightsQuery) -> dict[str, list[float | None]]:
     """Return the height of a line of a kind at places, and its sigma [m]; null where it is unknown."""
-    found = await app_state.pictures.ask(heights_at, wanted.kind, wanted.places)
+    found = await app_state.pictures.ask(
+        "linework.workbench.views.heights:heights_at", wanted.kind, wanted.places
+    )
     height, sigma = ([None if np.isnan(v) else round(float(v), 4) for v in values] for values in found)
     return {"heights": height, "sigmas": sigma}
 
@@ -164,7 +178,9 @@ async def get_snapped(
     heading_deg: Annotated[float | None, Query(ge=-720.0, le=720.0, allow_inf_nan=False)] = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Return the place on the edge near a place, for a line of a kind; `found` is null where none is visible."""
-    found = await app_state.pictures.ask(snapped_place, kind, (east, north), reach_m, heading_deg)
+    found = await app_state.pictures.ask(
+        "linework.workbench.views.snap:snapped_place", kind, (east, north), reach_m, heading_deg
+    )
     return {"found": found}
 
 
@@ -213,7 +229,9 @@ class TilePrefetcher:
                 while (idle_s := time.monotonic() - self._requested_s) < IDLE_S:
                     await asyncio.sleep(IDLE_S - idle_s)
                 before, n_made = total, n_made + 1
-                done, total = await self._app_state.pictures.ask(prepare_tiles)
+                done, total = await self._app_state.pictures.ask(
+                    "linework.workbench.views.tiles:prepare_tiles"
+                )
                 if total and time.monotonic() - reported_s >= REPORT_S:
                     reported_s = time.monotonic()
                     self._report(done, total)
@@ -236,21 +254,26 @@ async def get_pairs(request: Request, app_state: CurrentState) -> list[dict[str,
     """Return the usable stereo pairs, in time order."""
     found: list[dict[str, Any]] | None = getattr(request.app.state, "pairs", None)
     if found is None:
-        found = request.app.state.pairs = await app_state.pictures.ask(list_pairs)
+        found = request.app.state.pairs = await app_state.pictures.ask(
+            "linework.workbench.views.pairs:list_pairs"
+        )
     return found
 
 
 @views_router.get("/keys")
 async def get_keys(app_state: CurrentState) -> list[dict[str, Any]]:
     """Return the operator's keys, in time order."""
-    found: list[dict[str, Any]] = await app_state.pictures.ask(list_keys)
+    found: list[dict[str, Any]] = await app_state.pictures.ask("linework.workbench.views.pairs:list_keys")
     return found
 
 
 @views_router.get("/pairs/{number}/thumbnail", response_class=Response)
 async def get_thumbnail(number: PairNumber, app_state: CurrentState) -> Response:
     """Return a thumbnail of the left image of a pair."""
-    return Response(await app_state.pictures.ask(thumbnail_jpeg, number), media_type="image/jpeg")
+    return Response(
+        await app_state.pictures.ask("linework.workbench.views.pairs:thumbnail_jpeg", number),
+        media_type="image/jpeg",
+    )
 
 
 @views_router.get("/pairs/{number}/lines", response_class=JSONResponse)
@@ -259,12 +282,22 @@ async def get_pair_lines(number: PairNumber, request: Request, app_state: Curren
     pair = next((pair for pair in await get_pairs(request, app_state) if pair["number"] == number), None)
     if pair is None:
         raise no_such_pair_error(number)
-    lines = lines_near_camera(app_state.line_file.lines, tuple(pair["at"]))
-    shown = await app_state.pictures.ask(lines_in_pair, number, lines)
+    lines = await asyncio.to_thread(_lines_near_camera, app_state.line_file.lines, tuple(pair["at"]))
+    shown = await app_state.pictures.ask("linework.workbench.views.pairs:lines_in_pair", number, lines)
     return Response(shown, media_type="application/json")
+
+
+def _lines_near_camera(lines: LineSet, place: tuple[float, float]) -> LineSet:
+    # Imports what projects lines: only where images are looked at
+    from linework.workbench.views.pairs import lines_near_camera
+
+    return lines_near_camera(lines, place)
 
 
 @views_router.get("/pairs/{number}/{side}", response_class=Response)
 async def get_image(number: PairNumber, side: CameraSide, app_state: CurrentState) -> Response:
     """Return an image as it was taken."""
-    return Response(await app_state.pictures.ask(image_jpeg, number, side), media_type="image/jpeg")
+    return Response(
+        await app_state.pictures.ask("linework.workbench.views.pairs:image_jpeg", number, side),
+        media_type="image/jpeg",
+    )

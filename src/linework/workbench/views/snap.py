@@ -20,10 +20,6 @@ from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.tiles import patch_reader
 from linework.workbench.worker.session import SurveySession
 
-#: Farthest that a place is moved: as far as edges are looked for. [m]
-FARTHEST_SNAP_M = SOUGHT_M
-#: Least reach that may be asked for: no hand is steadier, and no point better. [m]
-LEAST_SNAP_M = 0.01
 #: What a line of a kind runs along, as in `linework.methods.templates.template.NODE_EDGES`. Arrows and bars have their middle
 #: for a line, where there is no edge: with that of their paint 21 % of the vertices were right instead of 29 (decision 126).
 SNAP_EDGES: dict[str, tuple[str, ...]] = {

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from linework.arrays import FloatArray, distance_along
 from linework.errors import UsageError
 from linework.model.grid import Bounds
+from linework.workbench.server.pictures import FARTHEST_OFFSET_M
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.points import (
     MOST_SECTION_POINTS,
@@ -30,8 +31,8 @@ from linework.workbench.worker.session import SurveySession
 
 #: How far an axis goes on straight beyond its ends: what lies there shows whether a line should. [m]
 BEYOND_M = 20.0
-#: Longest stretch, and largest distance from the axis to each side. [m]
-LONGEST_STRETCH_M, FARTHEST_OFFSET_M = 400.0, 30.0
+#: Longest stretch. [m]
+LONGEST_STRETCH_M = 400.0
 #: Length of axis whose points are read together: the rectangle around a longer one holds many others. [m]
 _PIECE_M = 16.0
 #: Distance of the places on the axis among which the nearest is looked for. [m]

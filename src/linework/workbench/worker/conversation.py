@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 from linework.errors import LineworkError, MachineError
 from linework.processes.child import Child, Ending
 
-if TYPE_CHECKING:  # imports all methods, which `start_worker_process` does not wait for
-    from linework.workbench.worker.session import SurveyOrder
+if TYPE_CHECKING:
+    from linework.workbench.worker.order import SurveyOrder
 
+#: A function that runs in the worker: itself, or "module:name", so that only the worker imports what it needs.
+WorkerFunction = Callable[..., Any] | str
 #: A request that sends nothing for longer hangs: its process is killed, and the next request starts another one. [s]
 SILENT_S = 120.0
 #: The same while kernels are compiled, which takes a minute or two, and more on a slow, busy machine. [s]
@@ -52,13 +54,14 @@ class SurveyWorker:
         #: Called when the process begins to compile kernels, and when it has compiled them.
         self.on_compiling: Callable[[bool], None] = lambda _is_compiling: None
 
-    async def ask(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    async def ask(self, function: WorkerFunction, *arguments: Any) -> Any:
         """Return what ``function(session, *arguments)`` returns in the process; what it reports is dropped.
 
         Parameters
         ----------
         function
-            A module-level function; it may be a generator function, see `request`.
+            A function of a module, as "module:name" where the server does not import that module; it may be a generator
+            function, see `request`.
 
         Raises
         ------
@@ -75,7 +78,7 @@ class SurveyWorker:
         return request.result
 
     @asynccontextmanager
-    async def request(self, function: Callable[..., Any], *arguments: Any) -> AsyncIterator[WorkerRequest]:
+    async def request(self, function: WorkerFunction, *arguments: Any) -> AsyncIterator[WorkerRequest]:
         """Start a request once those before it have ended; its messages can be read while it runs.
 
         Leaving the block before the request has ended cancels it: a generator ends at its next ``yield``, and a request

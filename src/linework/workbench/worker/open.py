@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,9 +11,11 @@ from linework.arrays import FloatArray, distance_along
 from linework.crs import LOCAL, describe_crs
 from linework.files.store.layout import STORE_BLOCK_M
 from linework.model.grid import Bounds
-from linework.runs.opened.recordings import Recordings
 from linework.runs.steps import RunSteps
-from linework.workbench.worker.session import SurveySession
+
+if TYPE_CHECKING:  # the server needs the facts alone
+    from linework.runs.opened.recordings import Recordings
+    from linework.workbench.worker.session import SurveySession
 
 #: Distance between vertices of the path, which is drawn but not measured on. [m]
 _PATH_STEP_M = 2.0

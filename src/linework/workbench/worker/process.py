@@ -5,6 +5,7 @@ Separate from `conversation`, because it runs in the child process and imports t
 
 from __future__ import annotations
 
+import importlib
 import threading
 import traceback
 from collections import deque
@@ -16,7 +17,9 @@ from numba.core import event
 from linework.errors import LineworkError
 from linework.processes.channel import Channel
 from linework.processes.child import OUT_OF_MEMORY
-from linework.workbench.worker.session import SurveyOrder, SurveySession
+from linework.workbench.worker.conversation import WorkerFunction
+from linework.workbench.worker.order import SurveyOrder
+from linework.workbench.worker.session import SurveySession
 
 
 def survey_worker_main(channel: Channel, _arguments: list[str]) -> None:
@@ -28,7 +31,7 @@ def survey_worker_main(channel: Channel, _arguments: list[str]) -> None:
 class _Requests:
     """The requests of one process.
 
-    Messages come as ("do", number, function, arguments), ("send", number, value) and ("leave", number, None). Of each
+    Messages come as ("do", number, function or "module:name", arguments), ("send", number, value) and ("leave", number, None). Of each
     request any number of ("reported", number, value) goes back, and then ("done", number, value) or
     ("failed", number, error). In between goes ("compiling", number, is_compiling): after an installation compiling
     takes a minute or two, in which the request itself sends nothing.
@@ -52,9 +55,9 @@ class _Requests:
                 _, self._number, function, arguments = message
                 self._run(function, arguments)
 
-    def _run(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    def _run(self, function: WorkerFunction, arguments: tuple[Any, ...]) -> None:
         try:
-            value = function(self._session, *arguments)
+            value = worker_function(function)(self._session, *arguments)
             if isinstance(value, Generator):
                 value = self._drained(value)
         except LineworkError as error:
@@ -95,6 +98,15 @@ class _Requests:
 
     def _send(self, kind: str, value: Any) -> None:
         self._channel.send_object((kind, self._number, value))
+
+
+def worker_function(function: WorkerFunction) -> Callable[..., Any]:
+    """Return the function of a request; one that is named is imported."""
+    if not isinstance(function, str):
+        return function
+    module, _, name = function.partition(":")
+    named: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return named
 
 
 class CompilationMonitor(event.Listener):

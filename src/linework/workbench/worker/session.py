@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -17,42 +16,9 @@ from linework.runs.opened.surface import SurveySurface
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
+from linework.workbench.worker.order import SurveyOrder
 
 KeptT = TypeVar("KeptT")
-
-
-@dataclass(frozen=True, slots=True)
-class SurveyOrder:
-    """The survey to serve, and how it is read.
-
-    Parameters
-    ----------
-    inputs
-        Files and folders named on the command line.
-    crs
-        CRS of files that do not state theirs; None if not given.
-    allow_outside
-        Whether its survey.toml may name files outside its folder.
-    allow_remote
-        Whether its survey.toml may name points at addresses.
-    trajectory
-        Trajectory that replaces the survey's own; None: its own.
-    work
-        Work folder; None: beside the survey.
-    settings
-        Of all methods.
-    n_threads
-        Threads for decoding.
-    """
-
-    inputs: tuple[Path, ...]
-    crs: str | None = None
-    allow_outside: bool = False
-    allow_remote: bool = False
-    trajectory: Path | None = None
-    work: Path | None = None
-    settings: RunSettings = field(default_factory=RunSettings)
-    n_threads: int = 1
 
 
 class SurveySession:
@@ -72,7 +38,7 @@ class SurveySession:
     @property
     def settings(self) -> RunSettings:
         """Settings of all methods."""
-        return self.order.settings
+        return self.keep("settings", lambda: self.order.settings or RunSettings())
 
     @property
     def survey(self) -> Survey:

@@ -21,8 +21,6 @@ from linework.workbench.worker.session import SurveySession
 _MOST, _AROUND_M = 1000, 4.0
 #: Thickness of the section that is made. [m]
 _THICKNESS_M = 1.0
-#: Steps of `warm_up_pictures`: tiles, points, sections, heights.
-STEPS = 4
 
 
 def warm_up_pictures(session: SurveySession, step: int, place: tuple[float, float]) -> None:

@@ -12,11 +12,13 @@ from functools import partial
 from typing import Any
 
 from linework.errors import LineworkError
+from linework.workbench.edits.routes import import_edits
 from linework.workbench.following.routes import warm_up_tracing
 from linework.workbench.server.app_state import AppState
 from linework.workbench.worker.open import open_in_worker
-from linework.workbench.worker.usual_pictures import STEPS, warm_up_pictures
 
+#: Steps of `linework.workbench.worker.usual_pictures.warm_up_pictures`: tiles, points, sections, heights.
+USUAL_STEPS = 4
 #: What a page waits for; it shows "Still ...".
 OPENING = "opening the survey for following lines"
 PICTURES = "getting the pictures ready"
@@ -56,7 +58,9 @@ async def warm_up(app_state: AppState, progress: StartupProgress) -> None:
     """Open the survey in the tracing worker too, and let both workers run their usual requests."""
     for name, worker in (("pictures", app_state.pictures), ("tracing", app_state.tracing)):
         worker.on_compiling = partial(progress.change, f"{name} compile", COMPILING)
-    await asyncio.gather(_tracing(app_state, progress), _pictures(app_state, progress))
+    # In a thread: pages are answered meanwhile, and the first edit need not wait
+    imports = asyncio.to_thread(import_edits)
+    await asyncio.gather(imports, _tracing(app_state, progress), _pictures(app_state, progress))
 
 
 async def _tracing(app_state: AppState, progress: StartupProgress) -> None:
@@ -76,6 +80,8 @@ async def _pictures(app_state: AppState, progress: StartupProgress) -> None:
     east, north, _ = path[len(path) // 2]
     progress.change("pictures", PICTURES, True)
     with contextlib.suppress(LineworkError):
-        for step in range(STEPS):
-            await app_state.pictures.ask(warm_up_pictures, step, (east, north))
+        for step in range(USUAL_STEPS):
+            await app_state.pictures.ask(
+                "linework.workbench.worker.usual_pictures:warm_up_pictures", step, (east, north)
+            )
     progress.change("pictures", PICTURES, False)

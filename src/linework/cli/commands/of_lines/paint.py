@@ -92,8 +92,8 @@ def paint_of_survey(
     from linework.evaluation.chainage.paint_points import paint_pieces
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
+    from linework.processes.system import usable_cores
     from linework.runs.opened.recordings import opened_recordings
-    from linework.runs.opened.store import usable_cores
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.steps import RunSteps
 
