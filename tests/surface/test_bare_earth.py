@@ -122,8 +122,9 @@ def test_a_forest_without_a_road_has_none():
     assert ground.is_ground.any()
 
 
+@pytest.mark.parametrize("is_dense", [False, True])
 @pytest.mark.parametrize("cell_m", [0.25, 0.5, 1.3])
-def test_bare_cells_do_not_depend_on_the_window(cell_m):
+def test_bare_cells_do_not_depend_on_the_window(cell_m, is_dense):
     config = RoadConfig(cell_m=cell_m)
     rng = np.random.default_rng(11)
     n, halo = 700, bare_halo(config)
@@ -147,14 +148,56 @@ def test_bare_cells_do_not_depend_on_the_window(cell_m):
             for size, n_around in block_halos(config).items()
         }
 
-    expected = bare_cells(whole, padded, halo, blocks_around(whole), config)
+    expected = bare_cells(whole, padded, halo, blocks_around(whole), is_dense, config)
     assert 0.05 < expected[0].mean() < 0.95
     for west, south, n_rows, n_cols in ((0, 1020, 90, 61), (-37, 1009, 50, 50), (300, 1300, 33, 128)):
         part = CellWindow(west, south, n_rows, n_cols)
         around = padded[whole.grown(halo).part(part.grown(halo))]
-        found = bare_cells(part, around, halo, blocks_around(part), config)
+        found = bare_cells(part, around, halo, blocks_around(part), is_dense, config)
         for one, other in zip(found, expected, strict=True):
             assert np.array_equal(one, other[whole.part(part)])
+
+
+def test_what_silent_blocks_say_of_their_neighbours_does_not_depend_on_the_window():
+    """A pit in one block counts, unless those beside it, which have one cell each, are pits; and so from afar."""
+    config, size = RoadConfig(), 4
+    n, halo, edge, row = 400, bare_halo(config), 31, 50
+    height = np.zeros((n, n), np.float32)
+    height[:, : size * edge] = -1.3
+    for r in (row - 1, row, row + 1):
+        lone, beside = (
+            np.s_[size * r : size * (r + 1), size * c : size * (c + 1)] for c in (edge + 16, edge + 17)
+        )
+        height[lone] = height[beside] = np.nan
+        height[size * r, size * (edge + 16)] = 0.0
+    height[size * row, size * (edge + 16)] = -3.0
+    height[size * row + 1, size * (edge + 17)] = height[size * row + 2, size * (edge + 17) + 2] = 5.0
+    whole = CellWindow(0, 0, n, n)
+    padded = np.pad(height, halo, constant_values=np.nan)
+
+    def found_in(window):
+        own = {k: BlockHeights.of(whole, height, k) for k in block_halos(config)}
+        around = {
+            k: BlockHeights.united(k, blocks_over(window, k).grown(m), [own[k]])
+            for k, m in block_halos(config).items()
+        }
+        near = padded[whole.grown(halo).part(window.grown(halo))]
+        return bare_cells(window, near, halo, around, True, config)
+
+    expected = found_in(whole)
+    part = CellWindow(0, 0, n, size * (edge + 1))
+    for one, other in zip(found_in(part), expected, strict=True):
+        assert np.array_equal(one, other[whole.part(part)])
+
+
+@pytest.mark.parametrize(("per_m2", "share"), [(4, 0.03), (16, 0.03), (16, 0.1)])
+def test_a_smooth_canopy_with_few_points_below_is_not_ground(per_m2, share):
+    east, north = field(per_m2=per_m2, seed=7)
+    rng = np.random.default_rng(8)
+    leaves = np.where(rng.random(len(east)) < share, 0.0, rng.uniform(12.0, 18.0, len(east)))
+    ground = find_ground(Points(cloud(east, north, hill(east, north) + leaves)))
+    off_m = np.abs(at(ground.ground_m, ground, east, north) + ground.z0_m - 50.0 - hill(east, north))
+    assert (off_m[at(ground.is_ground, ground, east, north)] > 1.0).mean() < 0.02
 
 
 def with_strays(xyz, share, depth_m, seed):

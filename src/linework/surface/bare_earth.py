@@ -61,10 +61,11 @@ def bare_halo(config: RoadConfig) -> int:
 
 def block_halos(config: RoadConfig) -> dict[int, int]:
     """Return the sides of all blocks on which bare cells depend [cells], ascending, and how many around a window's own."""
-    found = {_slope_block(config): _SLOPE_HALO + 1}  # blocks next to which one may be a pit
+    found = {_slope_block(config): _SLOPE_HALO}
     for size, n_blocks in _openings(config):
-        found[size] = max(found.get(size, 0), 2 * n_blocks + 1)
-    return dict(sorted(found.items()))
+        found[size] = max(found.get(size, 0), 2 * n_blocks)
+    # Which blocks say nothing, and next to those which is a pit: two more
+    return {size: n_around + 2 for size, n_around in sorted(found.items())}
 
 
 def block_sizes(config: RoadConfig) -> list[int]:
@@ -77,6 +78,7 @@ def bare_cells(
     height: Float32Array,
     halo: int,
     blocks: Mapping[int, BlockHeights],
+    is_dense: bool,
     config: RoadConfig,
 ) -> tuple[BoolArray, BoolArray]:
     """Return which cells of a window are earth by the openings, and which have no steep edge below them.
@@ -91,6 +93,8 @@ def bare_cells(
         `bare_halo`, or more. [cells]
     blocks
         For each side of `block_halos` but 1: blocks of the window, and so many around them.
+    is_dense
+        Whether single low cells may be stray: `linework.surface.strays.LoneCells.is_dense`.
 
     Returns
     -------
@@ -108,7 +112,7 @@ def bare_cells(
     inner = CellWindow(window.west + left, window.north - 1 - bottom, bottom - top + 1, right - left + 1)
     around = inner.grown(bare_halo(config))
     height = height[window.grown(halo).part(around)]
-    earth[part], gentle[part] = _bare_cells(inner, around, height, blocks, config)
+    earth[part], gentle[part] = _bare_cells(inner, around, height, blocks, is_dense, config)
     return earth, gentle
 
 
@@ -117,14 +121,15 @@ def _bare_cells(
     around: CellWindow,
     height: Float32Array,
     blocks: Mapping[int, BlockHeights],
+    is_dense: bool,
     config: RoadConfig,
 ) -> tuple[BoolArray, BoolArray]:
     """Return earth and gentle cells of a window, given the heights of the cells around it."""
     measured = np.where(np.isnan(height), _INF, height)
     layer, depth = np.float32(config.layer_m), _EDGE_SLOPE * config.cell_m
     # A cell that stands alone below those around it, with stray points alone, says nothing about them
-    z = kernels.without_pits(measured, depth)
-    levels = {size: _level(found, depth) for size, found in blocks.items()}
+    z = kernels.without_pits(measured, depth) if is_dense else measured
+    levels = {size: _level(found, is_dense, depth) for size, found in blocks.items()}
     levels[1] = _Level(1, around, z, np.isfinite(measured))
     # Gentle: no cell nearby is lower by more than the slope of an edge
     reach, rise = _edge_cells(config), depth
@@ -140,7 +145,7 @@ def _bare_cells(
         level = _opened(levels[size], over, n_blocks)
         half_m = n_blocks * size * config.cell_m
         kernels.lower_limits(limit, level, *places_in_blocks(over, size, window), slope, *places, half_m)
-    # A pit in earth is none: in a forest the cells around one are leaves
+    # A pit in earth is none: below a hedge or a crop the cells around one are leaves
     is_earth = (own <= limit + layer) & ((filled == own) | (filled > limit + layer))
     return gentle & is_earth & _has_surroundings(levels, window, config), gentle
 
@@ -175,8 +180,10 @@ class _Level(NamedTuple):
     known: AnyArray
 
 
-def _level(blocks: BlockHeights, depth: float) -> _Level:
-    """Return blocks without those of stray cells: few with few about them, and such as stand alone below all around."""
+def _level(blocks: BlockHeights, is_dense: bool, depth: float) -> _Level:
+    """Return blocks; in a dense survey without stray cells: few with few about them, and such as stand alone below all."""
+    if not is_dense:
+        return _Level(blocks.size, blocks.window, blocks.lowest[:, :, 0], blocks.known)
     lowest = blocks.lowest_supported(depth)
     padded = np.pad(blocks.known.astype(np.int64), 1)
     about = sum(padded[r : r + lowest.shape[0], c : c + lowest.shape[1]] for r in range(3) for c in range(3))

@@ -82,8 +82,8 @@ class BlockHeights:
     def lowest_supported(self, step_m: float) -> Float32Array:
         """Return the lowest height of each block, (n_rows, n_cols) float32 [m]; infinite without any.
 
-        A cell with stray points alone lies below all others: it is passed over unless two of the block are at most a
-        step higher.
+        A cell with stray points alone lies below all others: up to three are passed over unless two of the block are at
+        most a step higher. Blocks of one or two cells have the lower one.
         """
         lowest: Float32Array = kernels.supported_lowest(self.lowest, step_m, _N_SUPPORT)
         return lowest

@@ -127,6 +127,7 @@ def cell_regions(
     path: FloatArray,
     islands: Islands,
     rough_limit_m: float,
+    is_dense: bool,
     z0_m: float,
     config: RoadConfig,
 ) -> tuple[CellRegions, RegionFacts]:
@@ -146,6 +147,8 @@ def cell_regions(
         Islands of the survey.
     rough_limit_m
         Largest spread of a smooth cell. [m]
+    is_dense
+        Whether single low cells may be stray.
     z0_m
         Local height origin. [m, world]
     """
@@ -154,7 +157,7 @@ def cell_regions(
     smooth, east, north = smooth_slopes(
         np.ascontiguousarray(height[near, near]), spread, rough_limit_m, config
     )
-    earth, gentle = bare_cells(window, height, halo, blocks, config)
+    earth, gentle = bare_cells(window, height, halo, blocks, is_dense, config)
     height = np.ascontiguousarray(height[halo:-halo, halo:-halo])
     road, n_road, first_road = kernels.label_regions(
         height, east, north, smooth, cell, config.max_step_m, False

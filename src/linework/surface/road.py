@@ -41,7 +41,7 @@ from linework.surface.heights import (
     rough_limit_m,
 )
 from linework.surface.regions import Islands, cell_regions, cells_with, region_halo
-from linework.surface.strays import STRAY_HALO, LoneCells, without_strays
+from linework.surface.strays import LoneCells, stray_halo, without_strays
 
 
 def find_ground(
@@ -79,9 +79,11 @@ def find_ground(
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])
     # Lowest supported height of every cell, and spread of the layer above it
     heights = cell_heights(points.xyz, window, z0_m, config)
-    if LoneCells.of(heights).may_be_stray:
+    is_dense = LoneCells.of(heights).is_dense
+    if is_dense:
+        halo = stray_halo(config)
         near, near_spread, n_near = (
-            _with_halo(plane, STRAY_HALO) for plane in (heights.height, heights.spread, heights.count)
+            _with_halo(plane, halo) for plane in (heights.height, heights.spread, heights.count)
         )
         heights = replace(heights, height=without_strays(near, near_spread, n_near, config))
     limit_m = rough_limit_m(count_spreads(heights.spread), config)
@@ -95,6 +97,7 @@ def find_ground(
         path_samples(trajectory, config.cell_m),
         _islands(heights, config.cell_m),
         limit_m,
+        is_dense,
         z0_m,
         config,
     )

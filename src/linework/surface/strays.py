@@ -16,8 +16,8 @@ from linework.kernels.cells import openings as kernels
 from linework.surface.config import RoadConfig
 from linework.surface.heights import CellHeights
 
-#: Cells around a window on which its strays depend.
-STRAY_HALO = 4
+#: How far a cell is looked for that continues a thin one. [m]
+_REACH_M = 2.0
 #: Points of a cell that may all be stray: two or three are near each other now and then. [points]
 _THIN = 3
 #: A survey is dense in which cells of a single lowest point hold at most this share of the points: one from the air with
@@ -46,9 +46,14 @@ class LoneCells(NamedTuple):
         return cls(n_points, n_lone)
 
     @property
-    def may_be_stray(self) -> bool:
-        """Whether single points are so few that the survey is known without them."""
+    def is_dense(self) -> bool:
+        """Whether single points are so few that the survey is known without them: they may be stray."""
         return self.n_lone <= _MOST_LONE * self.n_points
+
+
+def stray_halo(config: RoadConfig) -> int:
+    """Return the width of the halo of cells around a window on which its strays depend. [cells]."""
+    return max(round(_REACH_M / config.cell_m), 1)
 
 
 def without_strays(
@@ -59,17 +64,18 @@ def without_strays(
     Parameters
     ----------
     height, spread, count
-        (n_rows + 2 h, n_cols + 2 h) float32 [m] and int32 points, with a halo of h = `STRAY_HALO`; NaN in empty cells.
+        (n_rows + 2 h, n_cols + 2 h) float32 [m] and int32 points, with a halo of h = `stray_halo`; NaN in empty cells.
     """
+    halo = stray_halo(config)
     is_kept: BoolArray = kernels.supported_cells(
         np.ascontiguousarray(height),
         _is_lone(height, spread) | (count <= _THIN),
-        STRAY_HALO,
+        halo,
         _SLOPE * config.cell_m,
         config.layer_m,
         _LEAST,
     )
-    inner = height[STRAY_HALO:-STRAY_HALO, STRAY_HALO:-STRAY_HALO]
+    inner = height[halo:-halo, halo:-halo]
     return np.where(is_kept, inner, np.float32(np.nan))
 
 

@@ -102,9 +102,14 @@ class Suspect:
         return (wrong_share(self.kind, self.form) if is_scaled else 1.0) * self.length_m / self.n_looks
 
     @property
+    def is_of_many(self) -> bool:
+        """Whether it is the item of all lines that have none of their own."""
+        return self.type in ALL_IN_ONE
+
+    @property
     def key(self) -> str:
         """Key of its subject, a line or a gap from a place on; stable as long as the subject exists."""
-        if self.type in ALL_IN_ONE:
+        if self.is_of_many:
             # Of these lines: dismissed, it comes again with others
             return f"{self.type} {hashlib.blake2b(' '.join(sorted(self.ids)).encode(), digest_size=8).hexdigest()}"
         if self.type in ("line", "copy", "dashes"):

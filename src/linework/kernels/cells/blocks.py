@@ -7,7 +7,7 @@ from numba import njit
 
 from linework.arrays import Float32Array, Int32Array
 
-#: Lowest cells kept per block: up to four stray ones are passed over.
+#: Lowest cells kept per block: with two that support, up to three stray ones are passed over.
 N_LOW = 6
 
 

@@ -65,8 +65,8 @@ def _highest_within(z: Float32Array, n: int) -> Float32Array:
 def without_pits(z: Float32Array, depth: float) -> Float32Array:
     """Return heights (n_rows, n_cols) float32 in which no cell stands alone below the eight around it. [m].
 
-    A cell that is more than `depth` [m] below all known ones around it but one, and farther than those are from each
-    other, gets the height of the second lowest. With fewer than three around it, it stays. Empty cells are infinite.
+    A cell that is more than `depth` [m] below all known ones around it but one, which differ by no more from each other,
+    gets the height of the second lowest. With fewer than three around it, it stays. Empty cells are infinite.
     """
     n_rows, n_cols = z.shape
     out = z.copy()
@@ -89,7 +89,7 @@ def without_pits(z: Float32Array, depth: float) -> Float32Array:
                         first, second = other, first
                     elif other < second:
                         second = other
-            if n >= _LEAST_AROUND and second - here > max(np.float32(depth), highest - second):
+            if n >= _LEAST_AROUND and second - here > depth and highest - second <= depth:
                 out[r, c] = second
     return out
 

@@ -49,7 +49,7 @@ from linework.surface.regions import Islands, links_east, links_south
 from linework.surface.strays import LoneCells
 
 #: Version of the arrays on disk: surfaces of another version are made again.
-_VERSION = 6
+_VERSION = 7
 #: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
 SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
@@ -305,7 +305,7 @@ class _Making:
         self._task = replace(
             self._task,
             rough_limit_m=rough_limit_m(_added(spreads for spreads, _ in found.values()), self._config),
-            may_be_stray=LoneCells.added(lone for _, lone in found.values()).may_be_stray,
+            is_dense=LoneCells.added(lone for _, lone in found.values()).is_dense,
         )
         filled = self._run(1, passes.leave_strays_out, [tile for tile, (n, _) in found.items() if len(n)])
         # Regions that continue the slope, and looser ones, united across the edges of tiles

@@ -24,8 +24,8 @@ from linework.model.grid import Bounds
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
 
-#: Bytes of a cell in each plane: height, spread and number of points, as measured and without strays; two labels; road, ground, kind and
-#: sigma.
+#: Bytes of a cell in each plane: height, spread and number of points, as measured and without strays; two labels;
+#: road, ground, kind and sigma.
 _CELLS, _LABELS, _SURFACE = (4, 4, 4), (4, 4), (4, 4, 1, 2)
 #: Bytes of a block of cells: lowest heights, and number of known cells.
 _BLOCK = (4 * N_LOW, 4)

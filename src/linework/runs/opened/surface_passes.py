@@ -29,12 +29,12 @@ from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
 from linework.surface.heights import CellHeights, cell_heights, count_spreads
 from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with, region_halo
-from linework.surface.strays import STRAY_HALO, LoneCells, without_strays
+from linework.surface.strays import LoneCells, stray_halo, without_strays
 
 #: Samples of the path in each box by which it is looked up: 256 m of path. [samples]
 PATH_BOX = 1024
 #: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
-#: the cells, and heights of blocks of them; road and ground labels; edges; road and ground labels that were chosen.
+#: the cells as measured; the same without strays, and heights of blocks of them; road and ground labels; edges; road and ground labels that were chosen.
 MEASURED, CELLS, LABEL_ARRAY, EDGES, CHOSEN = "measured", "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
 PATH, ISLANDS = "path", "islands"
@@ -78,8 +78,8 @@ class SurfaceTileTask:
         Local height origin of the whole survey. [m, world]
     rough_limit_m
         Spread of the lowest layer above which a cell is rough [m]; not known yet in the first pass.
-    may_be_stray
-        Whether cells of single points may be left out; not known yet in the first pass.
+    is_dense
+        Whether single low cells may be stray; not known yet in the first pass.
     """
 
     source: Path | PointSource
@@ -88,7 +88,7 @@ class SurfaceTileTask:
     config: RoadConfig
     z0_m: float
     rough_limit_m: float = np.nan
-    may_be_stray: bool = False
+    is_dense: bool = False
 
 
 def find_heights(task: SurfaceTileTask) -> tuple[IntArray, LoneCells]:
@@ -121,8 +121,8 @@ def leave_strays_out(task: SurfaceTileTask) -> bool:
     """Write the heights of a tile's cells without stray ones, and those of blocks; return True."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     height, spread, count = tiles.read(MEASURED, task.tile)
-    if task.may_be_stray:
-        around = window.grown(STRAY_HALO)
+    if task.is_dense:
+        around = window.grown(stray_halo(config))
         near, near_spread = (tiles.over(MEASURED, which, around, np.float32(np.nan)) for which in (0, 1))
         height = without_strays(near, near_spread, tiles.over(MEASURED, _COUNT, around, np.int32(0)), config)
     blocks = [BlockHeights.of(window, height, size) for size in block_sizes(config)]
@@ -159,6 +159,7 @@ def find_regions(task: SurfaceTileTask) -> RegionFacts:
         _path_near(tiles, window.bounds(config.cell_m)),
         Islands(*tiles.read_common(ISLANDS)),
         task.rough_limit_m,
+        task.is_dense,
         task.z0_m,
         config,
     )

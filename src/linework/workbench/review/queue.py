@@ -121,11 +121,9 @@ def _dismissals(entries: Iterable[HistoryEntry]) -> dict[int, str]:
 
 def queue_items(suspects: Iterable[Suspect], dismissed: Container[str]) -> list[QueueItem]:
     """Return the items of suspects whose keys are not dismissed, `MOST_ITEMS` at most; items of many lines are never cut off."""
-    from linework.editing.queue.suspects import ALL_IN_ONE
-
     open_ = [suspect for suspect in suspects if suspect.key not in dismissed]
-    last = [suspect for suspect in open_ if suspect.type in ALL_IN_ONE]
-    others = [suspect for suspect in open_ if suspect.type not in ALL_IN_ONE][: MOST_ITEMS - len(last)]
+    last = [suspect for suspect in open_ if suspect.is_of_many]
+    others = [suspect for suspect in open_ if not suspect.is_of_many][: MOST_ITEMS - len(last)]
     return [queue_item(suspect) for suspect in (*others, *last)]
 
 
