@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import pkgutil
 from contextlib import asynccontextmanager
 from types import SimpleNamespace
 
@@ -95,7 +96,7 @@ def test_an_edit_that_looks_for_a_template_can_be_interrupted(session, monkeypat
     class Tracing:
         @asynccontextmanager
         async def request(self, function, *arguments):
-            yield Request(function(session, *arguments))
+            yield Request(pkgutil.resolve_name(function)(session, *arguments))
 
     monkeypatch.setattr(measure, "template_of_survey", lambda *_: TEMPLATE)
     state = SimpleNamespace(traces=traces, tracing=Tracing(), line_file=SimpleNamespace(lines=LINE))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,8 @@ from linework.arrays import AnyArray, Float32Array, IntArray
 from linework.kernels.cells import blocks as kernels
 from linework.surface.cells import CellWindow
 
+#: Planes in which blocks are kept: their lowest heights, and the numbers of their cells.
+N_BLOCK_PLANES = kernels.N_LOW + 1
 #: Cells that support a lowest one: two stray cells of a block have about the same height by chance, three do not.
 _N_SUPPORT = 2
 
@@ -78,6 +80,16 @@ class BlockHeights:
                 lowest[to] = np.sort(both, axis=-1)[..., : kernels.N_LOW]
                 known[to] += part.known[at]
         return cls(size, window, lowest, known)
+
+    @classmethod
+    def of_planes(cls, size: int, window: CellWindow, planes: Sequence[AnyArray]) -> BlockHeights:
+        """Return the blocks whose `planes` these are."""
+        return cls(size, window, np.stack(planes[:-1], axis=-1), planes[-1])
+
+    @property
+    def planes(self) -> tuple[AnyArray, ...]:
+        """(n_rows, n_cols) each: the lowest heights, from the lowest on, and the known cells."""
+        return (*np.moveaxis(self.lowest, -1, 0), self.known)
 
     def lowest_supported(self, step_m: float) -> Float32Array:
         """Return the lowest height of each block, (n_rows, n_cols) float32 [m]; infinite without any.

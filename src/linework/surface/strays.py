@@ -16,16 +16,14 @@ from linework.kernels.cells import openings as kernels
 from linework.surface.config import RoadConfig
 from linework.surface.heights import CellHeights
 
-#: How far a cell is looked for that continues a thin one. [m]
-_REACH_M = 2.0
 #: Points of a cell that may all be stray: two or three are near each other now and then. [points]
 _THIN = 3
 #: A survey is dense in which cells of a single lowest point hold at most this share of the points: one from the air with
 #: 5 points a cell has a fifth there. [ratio]
 _MOST_LONE = 0.05
-#: Slope up to which cells continue each other, the steepest of banks, and how many continue a true one: a ring of a
-#: turning lidar has more. [m/m], [cells]
-_SLOPE, _LEAST = 0.67, 3
+#: How far, and up to which slope, cells continue a thin one: near ones on the steepest banks, farther ones on level ground;
+#: and how many continue a true one: a ring of a turning lidar has more. [m], [m/m], [cells]
+_CONTINUED, _LEAST = ((2.0, 0.67), (4.0, 0.05)), 3
 
 
 class LoneCells(NamedTuple):
@@ -53,7 +51,11 @@ class LoneCells(NamedTuple):
 
 def stray_halo(config: RoadConfig) -> int:
     """Return the width of the halo of cells around a window on which its strays depend. [cells]."""
-    return max(round(_REACH_M / config.cell_m), 1)
+    return max(_cells_within(reach_m, config) for reach_m, _ in _CONTINUED)
+
+
+def _cells_within(reach_m: float, config: RoadConfig) -> int:
+    return max(round(reach_m / config.cell_m), 1)
 
 
 def without_strays(
@@ -67,15 +69,18 @@ def without_strays(
         (n_rows + 2 h, n_cols + 2 h) float32 [m] and int32 points, with a halo of h = `stray_halo`; NaN in empty cells.
     """
     halo = stray_halo(config)
-    is_kept: BoolArray = kernels.supported_cells(
-        np.ascontiguousarray(height),
-        _is_lone(height, spread) | (count <= _THIN),
-        halo,
-        _SLOPE * config.cell_m,
-        config.layer_m,
-        _LEAST,
-    )
+    is_thin = _is_lone(height, spread) | (count <= _THIN)
     inner = height[halo:-halo, halo:-halo]
+    is_kept = np.zeros(inner.shape, dtype=np.bool_)
+    for reach_m, slope in _CONTINUED:
+        reach = _cells_within(reach_m, config)
+        part = np.s_[
+            halo - reach : height.shape[0] - halo + reach, halo - reach : height.shape[1] - halo + reach
+        ]
+        is_kept |= kernels.supported_cells(
+            np.ascontiguousarray(height[part]), np.ascontiguousarray(is_thin[part]), reach, slope * config.cell_m,
+            config.layer_m, _LEAST,
+        )  # fmt: skip
     return np.where(is_kept, inner, np.float32(np.nan))
 
 

@@ -19,8 +19,11 @@ from linework.files.vectors.read_write import read_lines
 ROUNDS, LONGEST_S = 3, 1.5
 
 
-def edit_until_it_dies(served: Served, first: int) -> list[int]:
-    """Draw line after line, each with its number in its height; return the numbers that were answered."""
+def edit_until_it_dies(served: Served, first: int, killing: threading.Timer) -> list[int]:
+    """Draw line after line, each with its number in its height; return the numbers that were answered.
+
+    The time until it is killed runs from the first answer, for which the server imports what edits need.
+    """
     saved: list[int] = []
     number = first
     while True:
@@ -34,6 +37,8 @@ def edit_until_it_dies(served: Served, first: int) -> list[int]:
         except httpx.HTTPError:
             return saved
         assert answer.status_code == 200, answer.text
+        if not saved:
+            killing.start()
         saved.append(number)
         number += 1
 
@@ -49,8 +54,7 @@ def test_what_was_answered_is_on_the_disk(las_file, seed):
             there = {int(line["xyz"][0][2]) for line in served.get("/api/lines")["lines"]}
             assert there >= set(answered)
             killing = threading.Timer(rng.uniform(0.3, LONGEST_S), served.process.kill)
-            killing.start()
-            answered += edit_until_it_dies(served, first=max(there, default=0) + 1)
+            answered += edit_until_it_dies(served, max(there, default=0) + 1, killing)
             killing.join()
             assert served.process.wait(120) == -9
         # A change that was half written is rolled back by the first program that may write to the file, whichever it is

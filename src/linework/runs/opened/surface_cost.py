@@ -19,16 +19,16 @@ from linework.errors import InputError, MachineError, argument
 from linework.files.output.publish import machine_errors
 from linework.files.store.cell_tiles import SurfaceTiles, TileNumber
 from linework.files.store.packed_cells import END_BYTES
-from linework.kernels.cells.blocks import N_LOW
 from linework.model.grid import Bounds
+from linework.surface.blocks import N_BLOCK_PLANES
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
 
 #: Bytes of a cell in each plane: height, spread and number of points, as measured and without strays; two labels;
 #: road, ground, kind and sigma.
 _CELLS, _LABELS, _SURFACE = (4, 4, 4), (4, 4), (4, 4, 1, 2)
-#: Bytes of a block of cells: lowest heights, and number of known cells.
-_BLOCK = (4 * N_LOW, 4)
+#: Bytes of a block of cells in each plane: lowest heights, and number of known cells.
+_BLOCK = (4,) * N_BLOCK_PLANES
 #: Bytes of a cell along an edge, and cells of all edges in sides of a tile: two cells deep.
 _EDGE_BYTES, _EDGE_SIDES = 20, 8
 #: Stretches of a row of the surface that one cell with points adds: its own, and the crease that averages

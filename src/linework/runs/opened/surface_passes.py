@@ -23,7 +23,7 @@ from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.surface.aside import BESIDE_M, RoadAside, smooth_aside
 from linework.surface.bare_earth import block_halos, block_sizes
-from linework.surface.blocks import BlockHeights, blocks_over
+from linework.surface.blocks import N_BLOCK_PLANES, BlockHeights, blocks_over
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
@@ -44,7 +44,7 @@ NOT_KNOWN = 65535
 SURFACE, COARSE = "surface", "coarse"
 #: Index of road and of ground in arrays that hold both, and of the number of points in those of cells.
 _ROAD, _GROUND, _COUNT = 0, 1, 2
-#: Index of the first of the planes of blocks, behind those of cells: lowest height and known cells, size by size.
+#: Index of the first of the planes of blocks, behind those of cells: lowest heights and known cells, size by size.
 _FIRST_BLOCKS = 3
 #: Record of each cell along the edges of a tile, two cells deep.
 _EDGE = np.dtype([("height", "f4"), ("east", "f4"), ("north", "f4"), ("road", "i4"), ("ground", "i4")])
@@ -126,9 +126,7 @@ def leave_strays_out(task: SurfaceTileTask) -> bool:
         near, near_spread = (tiles.over(MEASURED, which, around, np.float32(np.nan)) for which in (0, 1))
         height = without_strays(near, near_spread, tiles.over(MEASURED, _COUNT, around, np.int32(0)), config)
     blocks = [BlockHeights.of(window, height, size) for size in block_sizes(config)]
-    tiles.write(
-        CELLS, task.tile, height, spread, count, *(plane for b in blocks for plane in (b.lowest, b.known))
-    )
+    tiles.write(CELLS, task.tile, height, spread, count, *(plane for b in blocks for plane in b.planes))
     return True
 
 
@@ -179,7 +177,8 @@ def _blocks_around(tiles: SurfaceTiles, window: CellWindow, config: RoadConfig) 
             planes = tiles.read(CELLS, tile, first=_FIRST_BLOCKS)
             for i, size in enumerate(wanted):
                 over = blocks_over(tiles.window(tile), size)
-                parts[size].append(BlockHeights(size, over, planes[2 * i], planes[2 * i + 1]))
+                own = planes[i * N_BLOCK_PLANES : (i + 1) * N_BLOCK_PLANES]
+                parts[size].append(BlockHeights.of_planes(size, over, own))
     return {size: BlockHeights.united(size, over, parts[size]) for size, over in wanted.items()}
 
 
