@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from linework import errors
-from linework.errors import InputError, LineworkError, MachineError, StaleError
+from linework.errors import InputError, LineworkError, MachineError, RefusedPickError, StaleError
 from linework.workbench.server.app import create_app
 from linework.workbench.server.guard import Guard
 from linework.workbench.server.problems import FAULT, PROBLEMS, STATUS_OF, hide_paths, status_and_message
@@ -25,6 +25,11 @@ def test_every_error_has_a_status():
     assert set(STATUS_OF) == leaves
     assert set(STATUS_OF.values()) <= set(PROBLEMS)
     assert status_and_message(LineworkError("x"))[0] == 400
+
+
+def test_an_error_with_arguments_of_its_own_is_one_line():
+    refused = RefusedPickError("no line", "at (1, 2)", where="a", advice="click beside it", works=(3.0, 4.0))
+    assert status_and_message(refused) == (422, "a: no line at (1, 2). Click beside it.")
 
 
 @pytest.mark.parametrize(

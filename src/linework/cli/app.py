@@ -182,7 +182,7 @@ def _discard(stream: TextIO | None) -> None:
 def _signals_raise() -> Iterator[None]:
     """Raise an exception on SIGINT and SIGTERM, so that partial files are removed; a second one kills.
 
-    An object of a library that was being made then may fail when it is deleted: that is nobody's concern.
+    Until the command has ended, errors in deleting objects that the signal left half made are not printed.
     """
     hook, is_interrupted = sys.unraisablehook, False
 
@@ -202,12 +202,12 @@ def _signals_raise() -> Iterator[None]:
         for number, handler in before.items():
             signal.signal(number, handler)
         if is_interrupted:
-            gc.collect()  # what was being made, deleted before its failures are told again
+            gc.collect()  # deletes half-made objects while their errors are still ignored
             sys.unraisablehook = hook
 
 
 def _ignore_failed_deletion(failed: sys.UnraisableHookArgs) -> None:
-    """Print what Python would, unless an ordinary error of an object that is deleted after an interruption."""
+    """Ignore errors in deleting objects; print what else Python could not raise, such as an interruption."""
     if not isinstance(failed.exc_value, Exception):
         sys.__unraisablehook__(failed)
 

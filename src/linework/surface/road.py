@@ -27,7 +27,7 @@ from linework.kernels.cells import surface as kernels
 from linework.model.ground import Ground as Ground
 from linework.model.points import Points, refuse_unusable
 from linework.model.trajectory import Trajectory
-from linework.surface.bare_earth import block_halos
+from linework.surface.bare_earth import block_halos, block_sizes
 from linework.surface.blocks import BlockHeights
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import CellWindow, path_samples
@@ -178,10 +178,10 @@ def _islands(heights: CellHeights, cell_m: float) -> Islands:
 
 def _blocks_around(heights: CellHeights, config: RoadConfig) -> dict[int, BlockHeights]:
     """Return the blocks on which the regions of a window depend; beyond the window they are empty."""
-    found = {}
-    for size, halo in block_halos(config).items():
+    found, halos = {}, block_halos(config)
+    for size in block_sizes(config):
         own = BlockHeights.of(heights.window, heights.height, size)
-        found[size] = BlockHeights.united(size, own.window.grown(halo), [own])
+        found[size] = BlockHeights.united(size, own.window.grown(halos[size]), [own])
     return found
 
 

@@ -87,7 +87,7 @@ def status_and_message(error: LineworkError) -> tuple[int, str]:
     """Return the HTTP status and the one-line message of an error."""
     status = next((STATUS_OF[kind] for kind in type(error).__mro__ if kind in STATUS_OF), _OTHER_STATUS)
     where = error.where.name if isinstance(error.where, Path) else error.where
-    named = type(error)(error.problem, where=where, advice=error.advice)
+    named = LineworkError(error.problem, where=where, advice=error.advice)
     return status, hide_paths(named.line(_page_words))
 
 

@@ -48,7 +48,8 @@ def compare_command(
     """Find what has changed from OLD to NEW: new, gone, moved and changed lines.
 
     The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
-    see a line of OLD, that is reported as not visible; what one survey has probably missed, as unsure. With the points of both surveys, stretches with less or more paint
+    see a line of OLD, that is reported as not visible; what one survey has probably missed, as unsure. With the points of
+    both surveys, stretches with less or more paint
     than before are changes too.
     """
     import contextlib
