@@ -173,12 +173,10 @@ radon.follow.follow_sheets = rails
     f8:2C (i8:1C,f8:1C,i8:2C) (i8,i8,f8) f8:2C radon.follow.FollowSettings(f8,f8,f8,f8,f8,f8,f8) (f8,f8) radon.follow.FollowLimits(i8,i8,i8) f8:2C
 radon.peaks.peaks = cables
     f8:2C f8:1C f8:1C f8 f8 i8
-radon.outlines.bar_costs = rails
-    f8:2C f8:1C f8 f8 (f8,f8)
 radon.outlines.flat_costs = rails
     f8:1C f8:1C f8:1C f8
-radon.outlines.pipe_rarity = rails
-    f8:2C f8 (f8,f8,f8) f8:1C
+radon.outlines.likeliest_view = rails
+    i8:2C f8:1C f4:3C i8:1C
 radon.sections.count_outlines = rails
     f8:2C i8:1C i8 i8 f8 f8:2C i8:2C f8 f8 (f8,f8) f8 f8:2C
 radon.sections.fit_lines_locally = rails

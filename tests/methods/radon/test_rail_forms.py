@@ -7,14 +7,13 @@ import pytest
 
 from linework.methods.rails.circles import CircleConfig
 from linework.methods.rails.forms import formed_stretches
+from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.sections import (
     DEPTHS_M,
     HALF_SECTION_M,
     NOTHING,
-    SECTION_CELL_M,
     Band,
-    OutlineFit,
     SectionForm,
     form_of_bars,
     form_of_section,
@@ -102,32 +101,43 @@ def test_the_axis_of_a_pipe_is_its_middle_not_its_visible_side():
     assert band.height_m == pytest.approx(0.14, abs=0.03)
 
 
-def scanned(outline, across_m, down_deg, n=420):
-    """Points of an outline that evenly spaced beams from the right meet, with noise of 1.8 cm across and 0.6 in height."""
+def scanned(outline, down_deg, noise_m=0.018, side=1.0, half=0.06, n=300):
+    """Points of an outline that evenly spaced beams from one side meet, their noise in height a third of that across."""
     rng = np.random.default_rng(11)
-    height = rng.uniform(-0.06, 0.06, n)
+    height, down = rng.uniform(-1.0, 1.0, n), np.radians(down_deg)
     if outline == "pipe":
         # Beams from this far up meet the circle this far from its middle
-        turn = np.arcsin(height / 0.06) + np.radians(down_deg)
-        u, z = across_m + 0.06 * np.cos(turn), 0.06 * np.sin(turn)
+        turn = np.arcsin(height) + down
+        u, z = half * np.cos(turn), half * np.sin(turn)
+    elif outline == "box":
+        on_top = rng.random(n) < np.sin(down) / (np.sin(down) + np.cos(down))
+        u, z = np.where(on_top, half * height, half), np.where(on_top, half, half * height)
     else:
-        u, z = np.full(n, across_m), height
-    noise = rng.normal(0.0, 1.0, (n, 2)) * [0.018, 0.006]
-    return np.column_stack([u, z]) + noise
+        u, z = np.zeros(n), half * height
+    return np.column_stack([side * u, z]) + rng.normal(0.0, noise_m, (n, 2)) * [1.0, 0.33]
 
 
 @pytest.mark.parametrize("across_m", [-0.04, 0.0, 0.06])
-@pytest.mark.parametrize("down_deg", [0.0, 20.0])
-def test_a_noisy_plate_is_no_pipe(across_m, down_deg):
-    """Where a pipe is level, distances forgive any noise across; that beams seldom meet it there tells the two apart."""
-    for outline, form in (("plate", "boards"), ("pipe", "tube")):
-        bars = [scanned(outline, across_m, down_deg) + np.array([0.0, top]) for top in (-0.07, -0.50)]
-        edges = (
-            np.arange(DEPTHS_M[0], DEPTHS_M[1] + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
-            np.arange(-HALF_SECTION_M, HALF_SECTION_M + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
-        )
+@pytest.mark.parametrize("down_deg", [4.0, 20.0])
+@pytest.mark.parametrize("noise_m", [0.008, 0.018, 0.03])
+@pytest.mark.parametrize("both_sides", [False, True])
+def test_bars_are_told_apart_under_noise(across_m, down_deg, noise_m, both_sides):
+    """Distances from an outline forgive noise where it is level or has two sides; how a scanner sees it does not."""
+    edges = (
+        np.arange(DEPTHS_M[0], DEPTHS_M[1] + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+        np.arange(-HALF_SECTION_M, HALF_SECTION_M + 0.5 * SECTION_CELL_M, SECTION_CELL_M),
+    )
+    for outline, form, tops in (
+        ("plate", "boards", (-0.07, -0.50)),
+        ("pipe", "tube", (-0.07, -0.50)),
+        ("box", "box_beam", (-0.07,)),
+    ):
+        sides = (1.0, -1.0) if both_sides else (1.0,)
+        bars = [scanned(outline, down_deg, noise_m, side) + [across_m, top] for top in tops for side in sides]
         u, z = np.concatenate(bars).T
-        assert form_of_section(np.histogram2d(z, u, bins=edges)[0], 1.1).form == form
+        found = form_of_section(np.histogram2d(z, u, bins=edges)[0], 1.1)
+        assert found.form == form
+        assert abs(found.bands[0].axis_m - across_m) <= 0.015
 
 
 def bar(low, flat, pipe):

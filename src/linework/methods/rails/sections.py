@@ -17,17 +17,21 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.radon import outlines
 from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
+from linework.methods.rails.outlines import (
+    MOST_ACROSS_M,
+    ON_OUTLINE_M,
+    PLACE_STEP_M,
+    SECTION_CELL_M,
+    OutlineFit,
+    bars_of,
+    plate_of,
+)
 
-#: Side of the cells of a section: half of the thinnest rope that still returns beams. [m]
-SECTION_CELL_M = 0.01
 #: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
 HALF_SECTION_M = 0.30
-#: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
-_MOST_ACROSS_M = 0.20
 #: Range of a section below and above the followed edge: from a fence's top to its foot, and from its lowest board, 0.4 m
 #: high, to its top. [m]
 DEPTHS_M = (-1.75, 1.35)
@@ -42,9 +46,8 @@ _DENSE_POINTS = 15.0
 FOLD_M = 0.097
 #: What is in view of a crest is higher than this; a rope is not. [m]
 LEAST_CREST_M = 0.065
-#: A square tube has at least this share of its points on its top, this far behind its face: seen 10 degrees from above,
-#: 12 % are there. A board has none. [share, m]
-TOP_SHARE, BEHIND_FACE_M, TOP_HEIGHT_M = 0.05, 0.03, 0.03
+#: Height of what is seen of a top from above: its noise. [m]
+TOP_HEIGHT_M = 0.03
 #: Bands end where their density falls below this share of the densest 8 cm.
 _BAND_SHARE = 0.2
 #: Cells that the density of reference is taken over: 8 cm, of which the ropes of a cable barrier fill as many.
@@ -53,13 +56,8 @@ _DENSEST = 8
 _LEAST_POINTS = 60
 #: A band with a smaller share of the points is what stands behind: posts, twigs.
 _LEAST_SHARE = 0.06
-#: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise. [m]
-ON_OUTLINE_M = 0.05
-#: Step between tried places across [m], and these places.
-_STEP_M = 0.005
-_PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _STEP_M, _STEP_M)
-#: Elevations from which a scanner 1 to 2 m over a bar sees it from 3 to 20 m. [rad]
-_ELEVATIONS_RAD = np.radians([5.0, 15.0, 30.0])
+#: Tried places of a plate across. [m]
+_PLACES = np.arange(-MOST_ACROSS_M, MOST_ACROSS_M + 0.5 * PLACE_STEP_M, PLACE_STEP_M)
 
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
@@ -84,28 +82,6 @@ MOST_TOP_SHARE = 0.2
 #: slope; the foot is as high as the toe of a New Jersey profile and the slope above; it stands before the top edge by 0.19
 #: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
 CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12, (0.06, 0.30)
-
-
-@dataclass(frozen=True, slots=True)
-class OutlineFit:
-    """How well an outline explains a beam.
-
-    Parameters
-    ----------
-    outline
-        "flat", "box" or "pipe".
-    axis_m
-        Its middle, to the left of the line. [m]
-    explained
-        Share of the points that lie on it.
-    cost
-        Negative log likelihood of the points, with the penalty of BIC for a thickness.
-    """
-
-    outline: str
-    axis_m: float
-    explained: float
-    cost: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,75 +255,18 @@ def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
 
 
 def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, high: float) -> Band:
-    """Return a band with the outline that explains it best.
-
-    The simplest outline, a flat one, is kept where others fit no better than by chance: half the logarithm of the number
-    of points for the thickness that they have in addition (BIC), and how rarely beams would meet a pipe there.
-    """
+    """Return a band with the outline that explains it best: of a band of the height of a bar a plate, a pipe or a tube."""
     rows = (z > low) & (z < high)
-    weight, size = counts[rows], high - low
+    own, size = counts[rows], high - low
     height = z[rows] - 0.5 * (low + high)
-    number = float(weight.sum())
-    columns = weight.sum(axis=0)
-    flat = outlines.flat_costs(columns, u, _PLACES, ON_OUTLINE_M)
-    i = int(np.argmin(flat))
-    on = float(columns[np.abs(u - _PLACES[i]) <= ON_OUTLINE_M].sum())
-    best = [OutlineFit("flat", float(_PLACES[i]), on / number, float(flat[i]))]
-    if BAR_M[0] <= size <= BAR_M[1]:
-        best += _bars(weight, height, u, 0.5 * size, number)
-    noise = max(min(fit.cost for fit in best) / number, (0.5 * SECTION_CELL_M) ** 2)
-    penalty = float(np.log(number))
-    if len(best) > 1:
-        penalty += _rarity(weight, height, u, (0.5 * size, ON_OUTLINE_M, float(np.sqrt(noise))), best[1])
-    fits = tuple(
-        replace(fit, cost=0.5 * fit.cost / noise + (fit.outline != "flat") * penalty) for fit in best
-    )
-    upper = weight[height > 0.5 * size - TOP_HEIGHT_M]
+    is_bar = BAR_M[0] <= size <= BAR_M[1]
+    fits = bars_of(own, height, u) if is_bar else (plate_of(own.sum(axis=0), u, _PLACES),)
+    upper = own[height > 0.5 * size - TOP_HEIGHT_M]
     off = np.abs(u - fits[0].axis_m) > ON_OUTLINE_M
-    lower = weight[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
+    lower = own[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
     at_top, below = (float(part[:, off].sum() / max(part.sum(), 1.0)) for part in (upper, lower))
     chosen = min(fits, key=lambda fit: fit.cost)
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below)
-
-
-def _rarity(
-    weight: FloatArray, height: FloatArray, u: FloatArray, sizes: tuple[float, float, float], pipe: OutlineFit
-) -> float:
-    """Return how rare the points (heights, widths) of a pipe are [nats]; a square tube is charged alike."""
-    row, column = np.nonzero(weight)
-    points = np.column_stack([weight[row, column], u[column], height[row]])
-    return float(outlines.pipe_rarity(points, pipe.axis_m, sizes, _ELEVATIONS_RAD))
-
-
-def _bars(
-    weight: FloatArray, height: FloatArray, u: FloatArray, half: float, number: float
-) -> list[OutlineFit]:
-    """Return how well a pipe and a square tube explain a band, their costs the sums of squared distances [m²].
-
-    Parameters
-    ----------
-    weight
-        (heights, widths) points of the band.
-    height, u
-        Middles of its cells over the middle of the band, and across. [m]
-    half, number
-        Half of its height [m], and the number of its points.
-    """
-    row, column = np.nonzero(weight)
-    points = np.column_stack([weight[row, column], u[column], height[row]])
-    top = half - TOP_HEIGHT_M, half - BEHIND_FACE_M
-    costs = outlines.bar_costs(points, _PLACES, half, ON_OUTLINE_M, top)
-    # Both sides may be the face: what is on top of a square tube lies between
-    has_top = costs[:, 4] >= TOP_SHARE * number
-    box = np.where(has_top, costs[:, 1], number * ON_OUTLINE_M**2)
-    fits = []
-    for name, square, on in (
-        ("pipe", costs[:, 0], costs[:, 2]),
-        ("box", box, np.where(has_top, costs[:, 3], number)),
-    ):
-        i = int(np.argmin(square))
-        fits.append(OutlineFit(name, float(_PLACES[i]), float(on[i]) / number, float(square[i])))
-    return fits
 
 
 def _edge_of_concrete(

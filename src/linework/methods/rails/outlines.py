@@ -1,0 +1,199 @@
+"""Outlines of bars, a plate, a pipe and a square tube, as a scanner sees them; the likeliest explains a bar.
+
+Beams are evenly spaced across their direction, so that a piece of outline returns in proportion to how squarely it faces
+the scanner, and the noise of the scanner blurs what it draws. A view is the share of points in each cell of a section
+that follows from both: of a plate, a pipe or a tube seen from the left, the right or, in two passes, from both.
+
+Separate from `sections`, which finds the bars: this explains one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from linework.arrays import AnyArray, Float32Array, FloatArray
+from linework.kernels.radon import outlines as kernels
+
+#: Side of the cells of a section: half of the thinnest rope that still returns beams; half of that is the width of the
+#: columns of a view, the step between tried places across. [m]
+SECTION_CELL_M = 0.01
+PLACE_STEP_M = 0.5 * SECTION_CELL_M
+#: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
+MOST_ACROSS_M = 0.20
+#: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise, or so many of its own. [m, sigma]
+ON_OUTLINE_M, ON_OUTLINE_SIGMAS = 0.05, 2.5
+#: Noises that are tried, each 1.5 times the one before: from that of a scanner at its best to that of one whose path errs
+#: within a window. [m]
+_NOISES_M = (0.006, 0.009, 0.014, 0.021, 0.031, 0.047)
+#: Noise in height against that across: ranges err along the beam, which meets a bar nearly level.
+_NOISE_IN_HEIGHT = 0.5
+#: Elevations from which a scanner 1 to 2 m over a bar sees it from 3 to 20 m. [rad]
+_ELEVATIONS_RAD = (np.radians(5.0), np.radians(15.0), np.radians(30.0))
+#: Share of the points that lie anywhere: posts and twigs behind, double returns.
+_ELSEWHERE = 0.05
+#: Where an even beam blurred by noise falls to a fifth of its density, as bands end, beyond its edge. [sigma]
+_BLUR_SIGMAS = 0.84
+#: Smallest half height of a bar after that. [m]
+_LEAST_HALF_M = 0.02
+#: Beams on an outline, of each side, that a view is drawn with; and half of its width: the section's and the places'. [m]
+_BEAMS, _HALF_VIEW_M = 100, 0.50
+#: Farthest that a middle is sought from where the points' own middle puts it. [columns]
+_NEAR = 6
+#: Views that are kept: all heights of bars with all noises of one survey.
+_KEPT_VIEWS = 512
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineFit:
+    """How well an outline explains a beam.
+
+    Parameters
+    ----------
+    outline
+        "flat", "box" or "pipe".
+    axis_m
+        Its middle, to the left of the line. [m]
+    explained
+        Share of the points that lie on it.
+    cost
+        Negative log likelihood of the points, with the penalty of BIC for a thickness; 0 where nothing else was tried.
+    """
+
+    outline: str
+    axis_m: float
+    explained: float
+    cost: float
+
+
+def plate_of(columns: FloatArray, u: FloatArray, places: FloatArray) -> OutlineFit:
+    """Return the plate that is nearest to the points (widths,) of the columns at `u` [m], among those at `places` [m]."""
+    cost = kernels.flat_costs(columns, u, places, ON_OUTLINE_M)
+    at = float(places[int(np.argmin(cost))])
+    on = float(columns[np.abs(u - at) <= ON_OUTLINE_M].sum()) / float(columns.sum())
+    return OutlineFit("flat", at, on, 0.0)
+
+
+def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray) -> tuple[OutlineFit, ...]:
+    """Return how well a plate, a pipe and a square tube explain a bar, the plate first.
+
+    The noise is that with which an outline explains most. The simplest outline, a plate, is kept where others fit no
+    better than by chance: half the logarithm of the number of points for the thickness that they have in addition, and as
+    much for the side that they are seen from.
+
+    Parameters
+    ----------
+    counts
+        (heights, widths) points of the bar.
+    height, u
+        Middles of its cells over the middle of the bar, and across. [m]
+    """
+    rows, columns = np.nonzero(counts)
+    number = counts[rows, columns]
+    cells = np.column_stack([rows, np.rint(u[columns] / PLACE_STEP_M).astype(np.int64)])
+    at = np.column_stack([u[columns], height[rows]])
+    fits: list[OutlineFit] = []
+    for outline in ("flat", "pipe", "box"):
+        best, place, noise = np.inf, 0, 0.0
+        for tried in _NOISES_M:
+            offset = 0.0 if outline == "flat" else _face_m(outline, half_height_m(len(counts), tried))
+            places = _places(offset, fits[0].axis_m if fits else None)
+            cost, found = kernels.likeliest_view(cells, number, views_of(outline, len(counts), tried), places)
+            if cost < best:
+                best, place, noise = cost, found, tried
+        axis = place * PLACE_STEP_M
+        away = _distance_m(outline, at - np.array([axis, 0.0]), 0.5 * len(counts) * SECTION_CELL_M)
+        on = number[away <= max(ON_OUTLINE_M, ON_OUTLINE_SIGMAS * noise)].sum() / number.sum()
+        thick = float(np.log(number.sum())) if outline != "flat" else 0.0
+        fits.append(OutlineFit(outline, axis, float(on), best + thick))
+    return tuple(fits)
+
+
+def half_height_m(n_rows: int, noise_m: float) -> float:
+    """Return half the height of a bar whose blurred points fill so many rows of cells. [m]."""
+    return max(0.5 * n_rows * SECTION_CELL_M - _BLUR_SIGMAS * _NOISE_IN_HEIGHT * noise_m, _LEAST_HALF_M)
+
+
+@lru_cache(maxsize=_KEPT_VIEWS)
+def views_of(outline: str, n_rows: int, noise_m: float) -> Float32Array:
+    """Return the views (v, rows, columns) float32 of an outline: logarithms of the share of points in each cell.
+
+    One view of a plate, which looks the same from both sides; of others three for each elevation: from the right, from
+    the left, from both.
+
+    Parameters
+    ----------
+    outline
+        "flat", "pipe" or "box".
+    n_rows
+        Rows of cells that its points fill.
+    noise_m
+        Standard deviation of the points across. [m]
+    """
+    half, beams = half_height_m(n_rows, noise_m), (np.arange(_BEAMS) + 0.5) / _BEAMS * 2.0 - 1.0
+    if outline == "flat":
+        seen = [_blurred(np.column_stack([0.0 * beams, half * beams]), np.ones(_BEAMS), n_rows, noise_m)]
+    else:
+        seen = []
+        for elevation in _ELEVATIONS_RAD:
+            points, weight = _pipe(half, beams, elevation) if outline == "pipe" else _box(half, beams, elevation)
+            right, left = (_blurred(points * [side, 1.0], weight, n_rows, noise_m) for side in (1.0, -1.0))
+            seen += [right, left, 0.5 * (right + left)]
+    shares = np.stack(seen)
+    # A cell is two columns wide
+    shares *= 2.0 / shares.sum(axis=(1, 2), keepdims=True)
+    evenly = 1.0 / (n_rows * 2.0 * _HALF_VIEW_M / SECTION_CELL_M)
+    return np.log((1.0 - _ELSEWHERE) * shares + _ELSEWHERE * evenly).astype(np.float32)
+
+
+def _pipe(half: float, beams: FloatArray, elevation: float) -> tuple[FloatArray, FloatArray]:
+    """Return where beams (n,) from the right meet a pipe, (n, 2) across and height [m], and their weights (n,)."""
+    facing = np.array([np.cos(elevation), np.sin(elevation)])
+    upward = np.array([-np.sin(elevation), np.cos(elevation)])
+    points = half * (np.sqrt(1.0 - beams**2)[:, None] * facing + beams[:, None] * upward)
+    return points, np.ones(len(beams))
+
+
+def _box(half: float, beams: FloatArray, elevation: float) -> tuple[FloatArray, FloatArray]:
+    """Return where beams from the right meet the face and the top of a square tube, as `_pipe` does."""
+    level = np.full(len(beams), half)
+    points = np.concatenate([np.column_stack([level, half * beams]), np.column_stack([half * beams, level])])
+    return points, np.repeat([np.cos(elevation), np.sin(elevation)], len(beams))
+
+
+def _blurred(points: FloatArray, weight: FloatArray, n_rows: int, noise_m: float) -> FloatArray:
+    """Return the density (rows, columns) of points (n, 2) with noise, the middle of the outline in the middle."""
+    z = (np.arange(n_rows) + 0.5 - 0.5 * n_rows) * SECTION_CELL_M
+    n = round(_HALF_VIEW_M / PLACE_STEP_M)
+    u = np.arange(-n, n + 1) * PLACE_STEP_M
+    in_height = np.exp(-0.5 * ((z[:, None] - points[:, 1]) / (_NOISE_IN_HEIGHT * noise_m)) ** 2)
+    across = np.exp(-0.5 * ((u[:, None] - points[:, 0]) / noise_m) ** 2)
+    return np.asarray((in_height * weight) @ across.T)
+
+
+def _face_m(outline: str, half: float) -> float:
+    """Return how far the points of an outline are from its middle, on average. [m]."""
+    return half * (0.25 * np.pi if outline == "pipe" else 1.0)
+
+
+def _places(offset_m: float, middle_m: float | None) -> AnyArray:
+    """Return the places (p,) int64 to try: all of them, or those near the points' own middle, less or with an offset."""
+    most, near = round(MOST_ACROSS_M / PLACE_STEP_M), np.arange(-_NEAR, _NEAR + 1)
+    if middle_m is None:
+        return np.arange(-most, most + 1)
+    about = [round((middle_m + side * offset_m) / PLACE_STEP_M) + near for side in (-1, 0, 1)]
+    return np.unique(np.clip(np.concatenate(about), -most, most))
+
+
+def _distance_m(outline: str, points: FloatArray, half: float) -> FloatArray:
+    """Return the distances (n,) of points (n, 2), across and height from its middle, from an outline. [m]."""
+    across, height = np.abs(points.T)
+    if outline == "flat":
+        return np.asarray(across)
+    if outline == "pipe":
+        return np.asarray(np.abs(np.hypot(across, height) - half))
+    inner = np.maximum(across - half, height - half)
+    outside = np.hypot(np.maximum(across - half, 0.0), np.maximum(height - half, 0.0))
+    return np.asarray(np.where(inner <= 0.0, -inner, outside))
