@@ -102,7 +102,7 @@ def with_forms(
         free = (verdict.steady >= _STEADY) & ~near_nodes(p.xyz, of_found)
         if not own and np.count_nonzero(free) < least:
             continue
-        at, forms = forms_along(p.rail, p.above_ground_m, around.bins, around.circles)
+        at, forms = forms_along(p, around.bins, around.surface, around.circles)
         others = formed_stretches(at, forms, free, around.circles, around.config)
         alone = np.zeros(len(p.xyz), dtype=bool)
         shown += [_Shown(p, verdict, s, alone) for s in others if _is_more_than_high(p, s, around.config)]

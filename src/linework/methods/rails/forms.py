@@ -20,6 +20,7 @@ from linework.kernels.radon.sections import EdgeShape
 from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
+from linework.methods.rails.placed import PlacedRail, road_noise_m
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.sections import (
@@ -30,6 +31,7 @@ from linework.methods.rails.sections import (
     sections_at,
 )
 from linework.methods.rails.stretches import near_chosen
+from linework.surface.road import Ground
 
 #: Stations between two windows: a third of a window's length. [stations]
 _EVERY = 4
@@ -72,15 +74,10 @@ class FormedStretch:
 
 
 def forms_along(
-    rail: FittedRail, above_ground_m: FloatArray, bins: Bins, circles: CircleConfig
+    placed: PlacedRail, bins: Bins, surface: Ground, circles: CircleConfig
 ) -> tuple[IntArray, list[SectionForm]]:
-    """Return the stations (k,) int64 of windows along a rail, and what each of them shows.
-
-    Parameters
-    ----------
-    above_ground_m
-        (n,) height of its top edge above the ground. [m]
-    """
+    """Return the stations (k,) int64 of windows along a rail, and what each of them shows."""
+    rail = placed.rail
     # Windows at places of the world, the same wherever a tile begins
     nodes, half = _nodes(rail), rail.profile.window // 2
     n = len(nodes)
@@ -92,7 +89,9 @@ def forms_along(
     asked = rail.measured[at]
     windows = np.column_stack([np.maximum(at - half, 0), np.minimum(at + half + 1, n)])[asked]
     held = sections_at(nodes, windows, bins, circles)
-    found = (form_of_section(*both) for both in zip(held, above_ground_m[at[asked]].tolist(), strict=True))
+    above = placed.above_ground_m[at[asked]].tolist()
+    noise = road_noise_m(surface, placed.xyz[at[asked], :2]).tolist()
+    found = (form_of_section(*seen) for seen in zip(held, above, noise, strict=True))
     return at, _with_neighbours([next(found) if is_asked else NOTHING for is_asked in asked.tolist()])
 
 
@@ -106,7 +105,7 @@ def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
         near = forms[max(i - _BESIDE, 0) : i + _BESIDE + 1]
         same = [other for other in near if other.is_bars and len(other.bands) == len(own.bands)]
         seen = [band.fits for other in same for band in other.bands]
-        out.append(form_of_bars(own.bands, seen) if own.is_bars else own)
+        out.append(form_of_bars(own.bands, seen, hangs=own.hangs) if own.is_bars else own)
     return out
 
 

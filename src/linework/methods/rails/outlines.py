@@ -20,16 +20,18 @@ from linework.kernels.radon import outlines as kernels
 #: Side of the cells of a section: half of the thinnest rope that still returns beams; half of that is the width of the
 #: columns of a view, the step between tried places across. [m]
 SECTION_CELL_M = 0.01
-PLACE_STEP_M = 0.5 * SECTION_CELL_M
-#: Farthest place of the middle of an outline: the thickest pipe in use is 0.2 m. [m]
-MOST_ACROSS_M = 0.20
-#: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise, or so many of its own. [m, sigma]
-ON_OUTLINE_M, ON_OUTLINE_SIGMAS = 0.05, 2.5
-#: Noises that are tried, each 1.5 times the one before: from that of a scanner at its best to that of one whose path errs
-#: within a window. [m]
-_NOISES_M = (0.006, 0.009, 0.014, 0.021, 0.031, 0.047)
-#: Noise in height against that across: ranges err along the beam, which meets a bar nearly level.
-_NOISE_IN_HEIGHT = 0.5
+_PLACE_STEP_M = 0.5 * SECTION_CELL_M
+#: Farthest place of the middle of an outline, the thickest pipe in use is 0.2 m, and the places of plates. [m]
+_MOST_ACROSS_M = 0.20
+_PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _PLACE_STEP_M, _PLACE_STEP_M)
+#: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise, or as many of more noise. [m, sigma]
+_ON_OUTLINE_M, _ON_OUTLINE_SIGMAS = 0.05, 2.5
+#: Noises that are tried, across and in height: each 1.5 times the one before, from that of a scanner at its best to that of
+#: one whose path errs within a window. Ranges err along the beam, which meets a bar nearly level or, from close by, steeply;
+#: paths err in all directions. [m]
+_NOISES_M = tuple(
+    (across, share * across) for across in (0.006, 0.009, 0.014, 0.021, 0.031, 0.047) for share in (0.4, 1.0)
+)
 #: Elevations from which a scanner 1 to 2 m over a bar sees it from 3 to 20 m. [rad]
 _ELEVATIONS_RAD = (np.radians(5.0), np.radians(15.0), np.radians(30.0))
 #: Share of the points that lie anywhere: posts and twigs behind, double returns.
@@ -68,15 +70,27 @@ class OutlineFit:
     cost: float
 
 
-def plate_of(columns: FloatArray, u: FloatArray, places: FloatArray) -> OutlineFit:
-    """Return the plate that is nearest to the points (widths,) of the columns at `u` [m], among those at `places` [m]."""
-    cost = kernels.flat_costs(columns, u, places, ON_OUTLINE_M)
-    at = float(places[int(np.argmin(cost))])
-    on = float(columns[np.abs(u - at) <= ON_OUTLINE_M].sum()) / float(columns.sum())
+def on_outline_m(noise_m: float) -> float:
+    """Return the distance within which a point lies on an outline, from the noise of the survey there. [m].
+
+    >>> on_outline_m(0.01), on_outline_m(0.03)
+    (0.05, 0.075)
+    """
+    return max(_ON_OUTLINE_M, _ON_OUTLINE_SIGMAS * noise_m)
+
+
+def plate_of(columns: FloatArray, u: FloatArray) -> OutlineFit:
+    """Return the plate that is nearest to the points (widths,) of the columns at `u`. [m].
+
+    Whatever the noise, within 5 cm they lie on it: what is thicker, a wall or a hedge, is no more a plate for that.
+    """
+    cost = kernels.flat_costs(columns, u, _PLACES, _ON_OUTLINE_M)
+    at = float(_PLACES[int(np.argmin(cost))])
+    on = float(columns[np.abs(u - at) <= _ON_OUTLINE_M].sum()) / float(columns.sum())
     return OutlineFit("flat", at, on, 0.0)
 
 
-def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray) -> tuple[OutlineFit, ...]:
+def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray, on_m: float) -> tuple[OutlineFit, ...]:
     """Return how well a plate, a pipe and a square tube explain a bar, the plate first.
 
     The noise is that with which an outline explains most. The simplest outline, a plate, is kept where others fit no
@@ -89,35 +103,37 @@ def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray) -> tuple[Outl
         (heights, widths) points of the bar.
     height, u
         Middles of its cells over the middle of the bar, and across. [m]
+    on_m
+        Distance within which a point lies on an outline. [m]
     """
     rows, columns = np.nonzero(counts)
     number = counts[rows, columns]
-    cells = np.column_stack([rows, np.rint(u[columns] / PLACE_STEP_M).astype(np.int64)])
+    cells = np.column_stack([rows, np.rint(u[columns] / _PLACE_STEP_M).astype(np.int64)])
     at = np.column_stack([u[columns], height[rows]])
     fits: list[OutlineFit] = []
     for outline in ("flat", "pipe", "box"):
-        best, place, noise = np.inf, 0, 0.0
+        best, place = np.inf, 0
         for tried in _NOISES_M:
-            offset = 0.0 if outline == "flat" else _face_m(outline, half_height_m(len(counts), tried))
+            offset = 0.0 if outline == "flat" else _face_m(outline, half_height_m(len(counts), tried[1]))
             places = _places(offset, fits[0].axis_m if fits else None)
             cost, found = kernels.likeliest_view(cells, number, views_of(outline, len(counts), tried), places)
             if cost < best:
-                best, place, noise = cost, found, tried
-        axis = place * PLACE_STEP_M
+                best, place = cost, found
+        axis = place * _PLACE_STEP_M
         away = _distance_m(outline, at - np.array([axis, 0.0]), 0.5 * len(counts) * SECTION_CELL_M)
-        on = number[away <= max(ON_OUTLINE_M, ON_OUTLINE_SIGMAS * noise)].sum() / number.sum()
+        on = number[away <= on_m].sum() / number.sum()
         thick = float(np.log(number.sum())) if outline != "flat" else 0.0
         fits.append(OutlineFit(outline, axis, float(on), best + thick))
     return tuple(fits)
 
 
 def half_height_m(n_rows: int, noise_m: float) -> float:
-    """Return half the height of a bar whose blurred points fill so many rows of cells. [m]."""
-    return max(0.5 * n_rows * SECTION_CELL_M - _BLUR_SIGMAS * _NOISE_IN_HEIGHT * noise_m, _LEAST_HALF_M)
+    """Return half the height of a bar whose points, with so much noise in height, fill so many rows of cells. [m]."""
+    return max(0.5 * n_rows * SECTION_CELL_M - _BLUR_SIGMAS * noise_m, _LEAST_HALF_M)
 
 
 @lru_cache(maxsize=_KEPT_VIEWS)
-def views_of(outline: str, n_rows: int, noise_m: float) -> Float32Array:
+def views_of(outline: str, n_rows: int, noise_m: tuple[float, float]) -> Float32Array:
     """Return the views (v, rows, columns) float32 of an outline: logarithms of the share of points in each cell.
 
     One view of a plate, which looks the same from both sides; of others three for each elevation: from the right, from
@@ -130,15 +146,17 @@ def views_of(outline: str, n_rows: int, noise_m: float) -> Float32Array:
     n_rows
         Rows of cells that its points fill.
     noise_m
-        Standard deviation of the points across. [m]
+        Standard deviations of the points across and in height. [m]
     """
-    half, beams = half_height_m(n_rows, noise_m), (np.arange(_BEAMS) + 0.5) / _BEAMS * 2.0 - 1.0
+    half, beams = half_height_m(n_rows, noise_m[1]), (np.arange(_BEAMS) + 0.5) / _BEAMS * 2.0 - 1.0
     if outline == "flat":
         seen = [_blurred(np.column_stack([0.0 * beams, half * beams]), np.ones(_BEAMS), n_rows, noise_m)]
     else:
         seen = []
         for elevation in _ELEVATIONS_RAD:
-            points, weight = _pipe(half, beams, elevation) if outline == "pipe" else _box(half, beams, elevation)
+            points, weight = (
+                _pipe(half, beams, elevation) if outline == "pipe" else _box(half, beams, elevation)
+            )
             right, left = (_blurred(points * [side, 1.0], weight, n_rows, noise_m) for side in (1.0, -1.0))
             seen += [right, left, 0.5 * (right + left)]
     shares = np.stack(seen)
@@ -163,13 +181,13 @@ def _box(half: float, beams: FloatArray, elevation: float) -> tuple[FloatArray, 
     return points, np.repeat([np.cos(elevation), np.sin(elevation)], len(beams))
 
 
-def _blurred(points: FloatArray, weight: FloatArray, n_rows: int, noise_m: float) -> FloatArray:
+def _blurred(points: FloatArray, weight: FloatArray, n_rows: int, noise_m: tuple[float, float]) -> FloatArray:
     """Return the density (rows, columns) of points (n, 2) with noise, the middle of the outline in the middle."""
     z = (np.arange(n_rows) + 0.5 - 0.5 * n_rows) * SECTION_CELL_M
-    n = round(_HALF_VIEW_M / PLACE_STEP_M)
-    u = np.arange(-n, n + 1) * PLACE_STEP_M
-    in_height = np.exp(-0.5 * ((z[:, None] - points[:, 1]) / (_NOISE_IN_HEIGHT * noise_m)) ** 2)
-    across = np.exp(-0.5 * ((u[:, None] - points[:, 0]) / noise_m) ** 2)
+    n = round(_HALF_VIEW_M / _PLACE_STEP_M)
+    u = np.arange(-n, n + 1) * _PLACE_STEP_M
+    in_height = np.exp(-0.5 * ((z[:, None] - points[:, 1]) / noise_m[1]) ** 2)
+    across = np.exp(-0.5 * ((u[:, None] - points[:, 0]) / noise_m[0]) ** 2)
     return np.asarray((in_height * weight) @ across.T)
 
 
@@ -180,10 +198,10 @@ def _face_m(outline: str, half: float) -> float:
 
 def _places(offset_m: float, middle_m: float | None) -> AnyArray:
     """Return the places (p,) int64 to try: all of them, or those near the points' own middle, less or with an offset."""
-    most, near = round(MOST_ACROSS_M / PLACE_STEP_M), np.arange(-_NEAR, _NEAR + 1)
+    most, near = round(_MOST_ACROSS_M / _PLACE_STEP_M), np.arange(-_NEAR, _NEAR + 1)
     if middle_m is None:
         return np.arange(-most, most + 1)
-    about = [round((middle_m + side * offset_m) / PLACE_STEP_M) + near for side in (-1, 0, 1)]
+    about = [round((middle_m + side * offset_m) / _PLACE_STEP_M) + near for side in (-1, 0, 1)]
     return np.unique(np.clip(np.concatenate(about), -most, most))
 
 

@@ -20,6 +20,12 @@ from linework.surface.road import Ground, height_above_ground, height_above_road
 NEW_JERSEY_FOOT_M = 0.35
 
 
+#: Half of the square of ground that tells the noise of the survey beside a rail: the nearest lane. [m]
+_NOISE_REACH_M = 8.0
+#: Fewest cells of road in it whose scatter is known.
+_LEAST_CELLS = 16
+
+
 @dataclass(frozen=True, slots=True)
 class PlacedRail:
     """A fitted rail in world coordinates.
@@ -98,3 +104,20 @@ def in_plan(stretches: Sequence[Stretch]) -> cKDTree:
 def near_nodes(xyz: FloatArray, nodes: cKDTree) -> BoolArray:
     """Return which vertices (n, 3) are within the foot of a barrier from one of the nodes in plan, (n,) bool."""
     return np.asarray(np.isfinite(nodes.query(xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M)[0]))
+
+
+def road_noise_m(surface: Ground, xy: FloatArray) -> FloatArray:
+    """Return the noise of the survey on the road beside places (n, 2), (n,) [m]; 0 where there is no road.
+
+    That is the median scatter of the points of its cells: asphalt is smoother than scanners are.
+    """
+    reach = round(_NOISE_REACH_M / surface.grid.cell_width_m)
+    sigma = np.where(surface.is_road, surface.sigma, np.float32(np.nan))
+    column = np.floor((xy[:, 0] - surface.grid.east_m) / surface.grid.cell_width_m).astype(np.int64)
+    row = np.floor((surface.grid.north_m - xy[:, 1]) / surface.grid.cell_height_m).astype(np.int64)
+    noise = np.zeros(len(xy))
+    for i, (r, c) in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
+        near = sigma[max(r - reach, 0) : max(r + reach + 1, 0), max(c - reach, 0) : max(c + reach + 1, 0)]
+        known = near[np.isfinite(near)]
+        noise[i] = np.median(known) if len(known) >= _LEAST_CELLS else 0.0
+    return noise

@@ -20,15 +20,7 @@ from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
-from linework.methods.rails.outlines import (
-    MOST_ACROSS_M,
-    ON_OUTLINE_M,
-    PLACE_STEP_M,
-    SECTION_CELL_M,
-    OutlineFit,
-    bars_of,
-    plate_of,
-)
+from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit, bars_of, on_outline_m, plate_of
 
 #: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
 HALF_SECTION_M = 0.30
@@ -56,9 +48,6 @@ _DENSEST = 8
 _LEAST_POINTS = 60
 #: A band with a smaller share of the points is what stands behind: posts, twigs.
 _LEAST_SHARE = 0.06
-#: Tried places of a plate across. [m]
-_PLACES = np.arange(-MOST_ACROSS_M, MOST_ACROSS_M + 0.5 * PLACE_STEP_M, PLACE_STEP_M)
-
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
 #: crest, 0.194 m under the upper one, are hidden. Thrie beam: 0.506 (MASH RTM08a).
@@ -70,8 +59,11 @@ ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.075, (0.05, 0.215)
 BETWEEN_BEAMS_M = 0.06
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
-#: Folded beams hang on their posts, this high above the grass at least. [m]
-HANGS_M = 0.05
+#: Beams of rails hang on their posts: they end this high above the grass, or the depths under the lowest one are clear,
+#: and above the ground's own noise. [m]
+HANGS_M, CLEAR_UNDER_M, OVER_GROUND_M = 0.05, (0.01, 0.04), 0.05
+#: Half width of what is under a beam: half of a beam's depth, and noise. [m]
+_MOST_UNDER_M = 0.10
 #: A fence of mesh is between this high, so that a scanner on a roof sees over it; and ends this near the ground: a kerb,
 #: grass and the plinth that it stands on or behind hide its foot, and stand there as a band of their own. [m]
 FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.40
@@ -129,11 +121,14 @@ class SectionForm:
         Kind and form of the line; form "" where nothing explains the section.
     bands
         Its beams, the highest first.
+    hangs
+        Whether the lowest is clear of the grass.
     """
 
     kind: str
     form: str
     bands: tuple[Band, ...]
+    hangs: bool = True
 
     @property
     def is_bars(self) -> bool:
@@ -182,7 +177,7 @@ def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: Circl
     return counts
 
 
-def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
+def form_of_section(counts: FloatArray, above_ground_m: float, noise_m: float = 0.0) -> SectionForm:
     """Return what explains a cross-section.
 
     Parameters
@@ -191,6 +186,8 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
         (heights, widths) points of one or more stations of a line, as `sections_at` returns them.
     above_ground_m
         Height of the followed edge above the ground. [m]
+    noise_m
+        Standard deviation of the survey's points there; up to 2 cm make no difference. [m]
 
     A board of 12 cm, and nothing else:
 
@@ -210,12 +207,25 @@ def form_of_section(counts: FloatArray, above_ground_m: float) -> SectionForm:
     if edges[0][1] > min(DEPTHS_M[1], RAIL_BAND_M[1] - above_ground_m) - _GAP_CELLS * SECTION_CELL_M:
         # A wall goes on above what is looked at: what ends with that has no upper edge
         return NOTHING
-    bands = tuple(_explained(found, z, u, low, high) for low, high in edges)
-    edge_m = _edge_of_concrete(found, z, u, bands[0], above_ground_m) if len(bands) == 1 else None
+    on_m = on_outline_m(noise_m)
+    bands = tuple(_explained(found, z, u, edge, on_m) for edge in edges)
+    edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m) if len(bands) == 1 else None
     if edge_m is not None:
-        face = replace(bands[0], axis_m=edge_m, explained=_faced(found, u))
+        face = replace(bands[0], axis_m=edge_m, explained=_faced(found, u, on_m))
         return SectionForm("barrier", "concrete", (face,))
-    return _form(bands, above_ground_m)
+    return _form(bands, above_ground_m, hangs=_hangs(counts, bands[-1], above_ground_m))
+
+
+def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
+    """Return whether it is clear under the lowest band: its points end there, above the grass or the ground."""
+    if above_ground_m + lowest.low_m >= OVER_GRASS_M + HANGS_M:
+        return True
+    z, u = _centres(counts)
+    number = counts[:, np.abs(u - lowest.axis_m) <= _MOST_UNDER_M].sum(axis=1)
+    under = (z > lowest.low_m - CLEAR_UNDER_M[1]) & (z < lowest.low_m - CLEAR_UNDER_M[0])
+    under &= z > OVER_GROUND_M - above_ground_m
+    own = (z > lowest.low_m) & (z < lowest.high_m)
+    return bool(under.any() and np.mean(number[under]) < _BAND_SHARE * np.mean(number[own]))
 
 
 def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -254,42 +264,46 @@ def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
     return bands
 
 
-def _explained(counts: FloatArray, z: FloatArray, u: FloatArray, low: float, high: float) -> Band:
+def _explained(
+    counts: FloatArray, z: FloatArray, u: FloatArray, edges: tuple[float, float], on_m: float
+) -> Band:
     """Return a band with the outline that explains it best: of a band of the height of a bar a plate, a pipe or a tube."""
+    low, high = edges
     rows = (z > low) & (z < high)
     own, size = counts[rows], high - low
     height = z[rows] - 0.5 * (low + high)
     is_bar = BAR_M[0] <= size <= BAR_M[1]
-    fits = bars_of(own, height, u) if is_bar else (plate_of(own.sum(axis=0), u, _PLACES),)
+    fits = bars_of(own, height, u, on_m) if is_bar else (plate_of(own.sum(axis=0), u),)
     upper = own[height > 0.5 * size - TOP_HEIGHT_M]
-    off = np.abs(u - fits[0].axis_m) > ON_OUTLINE_M
+    off = np.abs(u - fits[0].axis_m) > on_m
     lower = own[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
     at_top, below = (float(part[:, off].sum() / max(part.sum(), 1.0)) for part in (upper, lower))
     chosen = min(fits, key=lambda fit: fit.cost)
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below)
 
 
-def _edge_of_concrete(
-    counts: FloatArray, z: FloatArray, u: FloatArray, band: Band, above_ground_m: float
-) -> float | None:
+def _edge_of_concrete(counts: FloatArray, band: Band, above_ground_m: float, on_m: float) -> float | None:
     """Return where across the top edge of a concrete barrier is [m], None where the band is not the face of one.
 
-    That is one surface from the top edge to a foot before it, and a lid behind.
+    That is one surface from the top edge to a foot before it, and a lid behind. The foot may be lower than the band,
+    which ends where grass may grow: half of the rows that it is looked for in are above that.
     """
-    foot = above_ground_m + band.low_m
-    if foot > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
+    z, u = _centres(counts)
+    foot_m = above_ground_m + band.low_m
+    if foot_m > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
         return None
-    if _faced(counts, u) < fitted.LEAST_FACED:
+    if _faced(np.where((z > band.low_m)[:, None], counts, 0.0), u, on_m) < fitted.LEAST_FACED:
         return None
     face = _middles(counts, u)
     upper = face[(z < band.high_m - UNDER_TOP_M[0]) & (z > band.high_m - UNDER_TOP_M[1])]
-    lower = face[(z > band.low_m) & (z < band.low_m + FOOT_HEIGHT_M)]
+    lowest = OVER_GROUND_M - above_ground_m if foot_m < OVER_GRASS_M + CLEAR_UNDER_M[1] else band.low_m
+    lower = face[(z > lowest) & (z < band.low_m + FOOT_HEIGHT_M)]
     if np.isnan(upper).all() or np.isnan(lower).all():
         return None
     edge = float(np.nanmedian(upper))
     before = float(np.nanmedian(lower)) - edge
     # What is followed lies on the face, not on the lid behind the edge
-    on_face = -edge * np.sign(before) >= -ON_OUTLINE_M
+    on_face = -edge * np.sign(before) >= -on_m
     return edge if on_face and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
 
 
@@ -300,13 +314,13 @@ def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
     return np.where(total > 0.0, u[half], np.nan)
 
 
-def _faced(counts: FloatArray, u: FloatArray) -> float:
+def _faced(counts: FloatArray, u: FloatArray, on_m: float) -> float:
     """Return the share of the points that lie near the middle of those at their height: on one surface."""
-    near = np.abs(u[None] - np.nan_to_num(_middles(counts, u))[:, None]) <= ON_OUTLINE_M
+    near = np.abs(u[None] - np.nan_to_num(_middles(counts, u))[:, None]) <= on_m
     return float(np.sum(counts * near) / max(counts.sum(), 1.0))
 
 
-def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
+def _form(bands: tuple[Band, ...], above_ground_m: float, *, hangs: bool) -> SectionForm:
     """Return the form of which these beams, the highest first, are the section."""
     sure = tuple(band for band in bands if band.explained >= fitted.LEAST_EXPLAINED)
     if not bands or len(sure) < len(bands):
@@ -318,7 +332,6 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
     is_low = is_alone and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
     # A wall and a concrete barrier have a top that is seen from above
     is_mesh = is_low and bands[0].explained >= fitted.LEAST_THIN and bands[0].top_share < MOST_TOP_SHARE
-    hangs = foot >= OVER_GRASS_M + HANGS_M
     kind, form = "", ""
     if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
         kind, form = "guardrail", "w_beam"
@@ -329,7 +342,7 @@ def _form(bands: tuple[Band, ...], above_ground_m: float) -> SectionForm:
     elif n > 1 and max(heights) <= HANDRAIL_M:
         kind, form = "fence", "tubes"
     elif _are_bars(bands):
-        return form_of_bars(bands, [band.fits for band in bands])
+        return form_of_bars(bands, [band.fits for band in bands], hangs=hangs)
     elif is_mesh:
         kind, form = "fence", "mesh"
     return SectionForm(kind, form, bands)
@@ -339,7 +352,9 @@ def _are_bars(bands: tuple[Band, ...]) -> bool:
     return all(BAR_M[0] <= band.height_m <= BAR_M[1] for band in bands)
 
 
-def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]) -> SectionForm:
+def form_of_bars(
+    bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]], *, hangs: bool
+) -> SectionForm:
     """Return which outline explains bars, all by the same one: boards, pipes or square tubes.
 
     Parameters
@@ -348,6 +363,9 @@ def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]
         The bars of a section.
     seen
         How outlines explain these and others of the same rail; only outlines that all of them tried are chosen.
+    hangs
+        Whether the lowest is clear of the grass, as pipes and tubes of rails are: what lies on the ground is a stone,
+        a root or the edge of a bank.
     """
     costs = [{fit.outline: fit.cost for fit in fits} for fits in seen]
     shared = set.intersection(*(set(cost) for cost in costs))
@@ -363,4 +381,6 @@ def form_of_bars(bands: tuple[Band, ...], seen: Sequence[tuple[OutlineFit, ...]]
     if outline == "flat":
         # A board alone may be anything
         kind, form = ("fence", "boards") if len(bars) > 1 else ("", "")
-    return SectionForm(kind, form, bars)
+    elif not hangs:
+        kind, form = "", ""
+    return SectionForm(kind, form, bars, hangs=hangs)
