@@ -128,7 +128,7 @@ def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray, on_m: float) 
 
 
 def half_height_m(n_rows: int, noise_m: float) -> float:
-    """Return half the height of a bar whose points, with so much noise in height, fill so many rows of cells. [m]."""
+    """Return half the height of a bar whose points fill `n_rows` rows of cells with `noise_m` of noise in height. [m]."""
     return max(0.5 * n_rows * SECTION_CELL_M - _BLUR_SIGMAS * noise_m, _LEAST_HALF_M)
 
 
