@@ -163,7 +163,7 @@ def sheet_in(work: FloatArray, n: int, frame: tuple[float, float]) -> tuple[bool
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     frame
         Unit vector v to begin with, away from the sheet; it keeps its sense.
 

@@ -5,6 +5,8 @@ Positions are in metres from the survey's local origin.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -68,36 +70,61 @@ def limits_at(data: FloorCells, place: tuple[float, float], usual: float, limits
     return FloorLimits(limits.least_step, limits.steepest, limits.highest_step, most, limits.is_vertical)
 
 
+class Around(NamedTuple):
+    """What is known of a place before its points are looked at.
+
+    Parameters
+    ----------
+    floor, limits
+        The floor there, and the limits.
+    slopes, rise, share
+        See `linework.kernels.cells.surroundings.fit_surroundings`.
+    """
+
+    floor: LocalFloor
+    limits: FloorLimits
+    slopes: FloatArray
+    rise: float
+    share: float
+
+
 @njit(cache=True, nogil=True)
-def box_in_cell(
+def look_around(
     data: FloorCells,
     ground: tuple[Float32Array, float, int, int],
     place: tuple[float, float],
     limits: FloorLimits,
-    scratch: PlaceScratch,
-    box: FloatArray,
-) -> int:
-    """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
+    plane: FloatArray,
+    slopes: FloatArray,
+) -> tuple[int, Around]:
+    """Return `BOX_FOUND` where a place has a floor and cells around it, else why not; and what is around it.
 
-    A kerb is tried first, then an edge without one, then a barrier. Parameters as for `boxes_in_cells`; box: (18,)
-    output with the columns of `linework.kernels.cells.places`.
+    Parameters as for `boxes_in_cells`; plane: (3,) and slopes: (4, 4) are written.
     """
-    plane = np.zeros(3)
-    x, y = place
     east, north = slope_at(place, ground)
     if limits.is_vertical > 0.0:
         east, north = 0.0, 0.0
-    noise, usual = floor_near(data.facets, data.span, x, y, (east, north), plane)
-    if noise < 0.0:
-        return BOX_HOLE
-    limits = limits_at(data, place, usual, limits)
-    if noise > roughness_limit(usual, limits.most_noise):
-        return BOX_NO_ROAD
-    floor = LocalFloor(plane, noise, east, north, usual)
-    slopes = np.empty((4, 4))
-    rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
-    if rise < 0.0:
-        return BOX_HOLE
+    noise, usual = floor_near(data.facets, data.span, place[0], place[1], (east, north), plane)
+    floor, own = LocalFloor(plane, noise, east, north, usual), limits_at(data, place, usual, limits)
+    rise, share = -1.0, 0.0
+    if noise >= 0.0 and noise > roughness_limit(usual, own.most_noise):
+        return BOX_NO_ROAD, Around(floor, own, slopes, rise, share)
+    if noise >= 0.0:
+        rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
+    return BOX_HOLE if rise < 0.0 else BOX_FOUND, Around(floor, own, slopes, rise, share)
+
+
+@njit(cache=True, nogil=True)
+def box_in_cell(
+    data: FloorCells, place: tuple[float, float], around: Around, scratch: PlaceScratch, box: FloatArray
+) -> int:
+    """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
+
+    A kerb is tried first, then an edge without one, then a barrier. around: of the place; box: (18,) output with the
+    columns of `linework.kernels.cells.places`.
+    """
+    floor, limits, slopes, rise, share = around
+    plane, noise = floor.plane, floor.noise
     why = BOX_ALL_ROAD
     if may_be_kerb(floor, (slopes, rise), limits):
         area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
@@ -122,34 +149,18 @@ def box_in_cell(
 
 @njit(cache=True, nogil=True)
 def change_box_in_cell(
-    data: FloorCells,
-    ground: tuple[Float32Array, float, int, int],
-    place: tuple[float, float],
-    limits: FloorLimits,
-    scratch: PlaceScratch,
-    box: FloatArray,
+    data: FloorCells, place: tuple[float, float], around: Around, scratch: PlaceScratch, box: FloatArray
 ) -> int:
     """Find a change of the ground in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
     Parameters as for `box_in_cell`.
     """
-    plane = np.zeros(3)
-    x, y = place
-    slope = slope_at(place, ground)
-    noise, usual = floor_near(data.facets, data.span, x, y, slope, plane)
-    if noise < 0.0:
-        return BOX_HOLE
-    limits = limits_at(data, place, usual, limits)
-    if noise > roughness_limit(usual, limits.most_noise):
-        return BOX_NO_ROAD
-    slopes = np.empty((4, 4))
-    rise, share = fit_surroundings(data.sums, data.span, place, plane, noise, slopes)
-    if rise < 0.0:
-        return BOX_HOLE
+    floor, limits, slopes, _, share = around
     if share < LEAST_FLOOR_SHARE or not may_change(slopes):
         return BOX_ALL_ROAD
-    area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work, CHANGE_AREA_POINTS)
-    floor = LocalFloor(plane, noise, slope[0], slope[1], usual)
+    area = gather_area(
+        data.points, data.starts, data.span, place, floor.plane, scratch.work, CHANGE_AREA_POINTS
+    )
     return change_in_cell(data, place, floor, slopes, area, limits, scratch, box)
 
 
@@ -190,7 +201,11 @@ def boxes_in_cells(
     starts, span = data.starts, data.span
     west, south, east, north = core
     n_cols = span[SPAN_COLS]
-    scratch = make_scratch()
+    scratch, plane, slopes = make_scratch(), np.zeros(3), np.empty((4, 4))
+    # A change is against the road, whatever the slopes of floors are measured against
+    against_road = FloorLimits(
+        limits.least_step, limits.steepest, limits.highest_step, limits.most_noise, 0.0
+    )
     out = np.empty((1024, COLUMNS))
     n = 0
     for r in range(0, span[SPAN_ROWS], 2):
@@ -207,11 +222,16 @@ def boxes_in_cells(
                 out = np.concatenate((out, np.empty_like(out)))
             out[n : n + 2, BOX_CONTRAST], out[n : n + 2, BOX_ROUGHER] = np.nan, np.nan
             is_sure = False
-            if box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
+            known, around = look_around(data, ground, (x, y), limits, plane, slopes)
+            if known == BOX_FOUND and box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 is_sure = out[n, FORM] != EDGE or out[n, SCORE] > UNSURE_EDGE
                 n += 1
-            if not is_sure and change_box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND:
+            if is_sure:
+                continue
+            if limits.is_vertical > 0.0:
+                known, around = look_around(data, ground, (x, y), against_road, plane, slopes)
+            if known == BOX_FOUND and change_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
     return out[:n]

@@ -143,7 +143,6 @@ def gains_at(sums: FloatArray, k: int, step: float, out: FloatArray) -> float:
     area = (last - first) * step * 2.0 * HALF_LENGTH_M * step / PROFILE_BIN_M
     share = min(1.0, SAMPLES_PER_M2 * area / n)
     share_of_heights = min(1.0, HEIGHTS_PER_M2 * area / n)
-    price = np.log(n * share)
     v = (k - 0.5 * N_PROFILE_BINS) * step
     # Brightness: two levels against a slope
     i_a, left_a = _mean_and_left(a, m)
@@ -151,14 +150,14 @@ def gains_at(sums: FloatArray, k: int, step: float, out: FloatArray) -> float:
     floor = (LEAST_BRIGHT_SHARE * 0.5 * (i_a + i_b)) ** 2 + LEAST_LEVEL_VARIANCE
     bright, contrast = 0.0, i_a - i_b
     if contrast * contrast >= LEAST_CONTRAST_SPREADS**2 * ((left_a + left_b) / n + floor):
-        bright = share * _ratio(bright_line_left(a, b), left_a + left_b, floor, n) - price
+        bright = share * _ratio(bright_line_left(a, b), left_a + left_b, floor, n) - np.log(n * share)
     # Height: a step between two slopes, against a kink
     _, r_a, z_a, _ = line_through(a, m, v)
     _, r_b, z_b, _ = line_through(m, b, v)
     height, rise = 0.0, z_a - z_b
     if abs(rise) >= LEAST_CHANGE_M and step <= STEEP_BIN_M:
         kink = hinge_left(a, m, b, v)
-        height = share_of_heights * _ratio(kink, r_a + r_b, LEAST_FLOOR_NOISE_M**2, n) - price
+        height = share_of_heights * _ratio(kink, r_a + r_b, LEAST_FLOOR_NOISE_M**2, n) - np.log(n * share)
     # Roughness: two variances against one
     n_a, left_a, _, _ = line_through(a, sums[max(k - FACE_GAP_BINS, first)], v)
     n_b, left_b, _, _ = line_through(sums[min(k + FACE_GAP_BINS, last)], b, v)
@@ -168,7 +167,7 @@ def gains_at(sums: FloatArray, k: int, step: float, out: FloatArray) -> float:
         rougher = s_a / s_b
         if max(rougher, 1.0 / rougher) >= LEAST_ROUGH_RATIO:
             both = (n_a * s_a + n_b * s_b) / (n_a + n_b)
-            rough = 0.5 * share * (n_a * np.log(both / s_a) + n_b * np.log(both / s_b)) - price
+            rough = 0.5 * share * (n_a * np.log(both / s_a) + n_b * np.log(both / s_b)) - np.log(n * share)
     bright, rough, height = max(bright, 0.0), max(rough, 0.0), max(height, 0.0)
     out[CHANGE_GAIN], out[CHANGE_V] = bright + rough + height, v
     # Signed: positive where the side of negative v is brighter, rougher, higher
@@ -194,7 +193,7 @@ def best_change(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     frame
         Unit vector v to begin with.
     scale

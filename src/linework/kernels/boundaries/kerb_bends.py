@@ -57,7 +57,7 @@ def follow_bend(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`; unbent by this.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`; unbent by this.
     first, scale, half_u
         As for `linework.kernels.boundaries.kerb_steps.measure_step`.
     step
@@ -86,7 +86,7 @@ def bend_of(work: FloatArray, n: int, step: FloatArray, half_u: float) -> tuple[
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     step
         (18,): see `linework.kernels.boundaries.kerb_steps.measure_step`.
     half_u

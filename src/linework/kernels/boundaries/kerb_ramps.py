@@ -189,7 +189,7 @@ def ramp_instead(
     )
     step = PROFILE_BIN_M * scale
     # In the step's own direction, for in another one a step is a ramp; with its foot before that of the step
-    bin_sums_across(scratch.work, n, frame[0], frame[1], half_u, step, scratch.sums)
+    bin_sums_across(scratch.work, n, frame[0], frame[1], half_u, step, scratch.sums, False)
     v = (box[BOX_X] - place[0]) * frame[0] + (box[BOX_Y] - place[1]) * frame[1]
     k = min(max(int(v / step + 0.5 * N_PROFILE_BINS), 0), N_PROFILE_BINS)
     reach = k, min(k + RAMP_BINS[-1], N_PROFILE_BINS)
@@ -279,7 +279,7 @@ def best_ramp(
         x0, y0 = out[RAMP_VX], out[RAMP_VY]
         for turn in RAMP_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-            bin_sums_across(work, n, x, y, half_u, step, sums)
+            bin_sums_across(work, n, x, y, half_u, step, sums, False)
             clear, foot, top, below, above, noise = ramp_in(sums, step, reach, MOST_RAMP_SLOPE)
             if clear > out[RAMP_CLEAR]:
                 out[RAMP_VX], out[RAMP_VY], out[RAMP_CLEAR] = x, y, clear

@@ -98,7 +98,7 @@ def best_step(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     frame
         Unit vector v to begin with.
     scale, half_u
@@ -162,7 +162,7 @@ def fit_face(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     frame
         Unit vector v.
     floor
@@ -278,7 +278,7 @@ def measure_step(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     first
         (7,): see `best_step`.
     scale, half_u
@@ -414,7 +414,7 @@ def filled_shares(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     step
         (18,): see `measure_step`.
     scale, half_u

@@ -236,7 +236,7 @@ def best_split(
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     frame
         Unit vector v to begin with.
     scale

@@ -33,6 +33,7 @@ from linework.runs.drives.ties import (
     FIRST_REACH_M,
     LAST_REACH_M,
     TIE_KINDS_IN_TURN,
+    MetLines,
     holds_all_along,
     meet_lines,
     tie_drives,
@@ -61,16 +62,21 @@ class AdjustedDrives:
         In the order of their times.
     correction
         Of the path and of all points.
-    account
-        How each was corrected.
+    ties
+        What they measured of the same lines, before they were moved.
     is_held
         Whether lines tie them along all of the road that they share.
     """
 
     drives: tuple[DriveSpan, ...]
     correction: PathCorrection
-    account: DrivesAccount
+    ties: DriveTies
     is_held: bool
+
+    @property
+    def account(self) -> DrivesAccount:
+        """How each was corrected; takes the covariance of the path, and is asked for once no more lines are sought."""
+        return _account(self.drives, self.correction, self.ties)
 
 
 def find_lines_of_drives(
@@ -138,6 +144,7 @@ def find_lines_of_drives(
         return found_in_all(recordings)
     by = partial(found_in, using=for_ties)
     lines, adjusted = [LineSet.empty(recordings.survey.crs) for _ in drives], None
+    met = meet_lines(drives, lines)
     for kinds in TIE_KINDS_IN_TURN:
         named = choose_methods(
             "auto", kinds, radon=chosen.radon, obb=chosen.obb, stereo=chosen.stereo, paint=None
@@ -153,7 +160,9 @@ def find_lines_of_drives(
         ]
         lines = [LineSet.concatenate(both) for both in zip(lines, more, strict=True)]
         with steps.step("adjust drives"):
-            adjusted = adjusted_drives(drives, path, lines, whole)
+            # Lines meet lines of their own kind only: those of the kinds before meet where they met
+            met = {pair: [*met[pair], *new] for pair, new in meet_lines(drives, more).items()}
+            adjusted = adjusted_drives(drives, path, lines, whole, met)
         if adjusted is not None and adjusted.is_held:
             break
     for i in range(len(drives)):
@@ -170,6 +179,7 @@ def adjusted_drives(
     path: Trajectory,
     lines: Sequence[LineSet],
     whole: Sequence[DriveSpan] = (),
+    met: MetLines | None = None,
 ) -> AdjustedDrives | None:
     """Return the correction that makes drives agree at their lines; None where they have no line in common.
 
@@ -183,14 +193,22 @@ def adjusted_drives(
         Of each drive, found on its points alone.
     whole
         All drives of the path with all their poses, which are corrected too; none: `drives` are.
+    met
+        Where the lines meet (`meet_lines`); None: it is found.
     """
-    correction, ties, met = None, DriveTies.empty(), meet_lines(drives, lines)
+    correction, ties = None, DriveTies.empty()
+    met = meet_lines(drives, lines) if met is None else met
     for reach_m in np.geomspace(FIRST_REACH_M, LAST_REACH_M, _N_ROUNDS).tolist():
         ties = tie_drives(drives, lines, met, correction, reach_m=reach_m)
         if not len(ties):
             return None
         correction = adjusted_path(whole or drives, path, ties)
     assert correction is not None
+    return AdjustedDrives(drives, correction, ties, holds_all_along(drives, ties))
+
+
+def _account(drives: tuple[DriveSpan, ...], correction: PathCorrection, ties: DriveTies) -> DrivesAccount:
+    """Return how drives were corrected, and how far apart their lines were before and after."""
     left = ties.apart_m + np.sum(
         ties.normal * (correction.at(ties.other_s) - correction.at(ties.time_s)), axis=1
     )
@@ -214,8 +232,7 @@ def adjusted_drives(
             )
         )  # fmt: skip
     apart = [(_median_size(d[level]), _median_size(d[~level])) for d in (ties.apart_m, left)]
-    account = DrivesAccount(tuple(accounts), *apart)
-    return AdjustedDrives(drives, correction, account, holds_all_along(drives, ties))
+    return DrivesAccount(tuple(accounts), *apart)
 
 
 def _rms(values: FloatArray) -> float:
