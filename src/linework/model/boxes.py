@@ -28,6 +28,8 @@ class BoxForm(IntEnum):
     BARRIER = 4
     #: A change of the ground: of its brightness, its roughness or its height, too little for any of the others.
     CHANGE = 5
+    #: A line to which the ground falls from both sides, as carriageway and footway do where they meet flush.
+    CHANNEL = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +144,7 @@ _COLOURS = {
     BoxForm.EDGE: "#ff8c1a",
     BoxForm.BARRIER: "#8c4bbf",
     BoxForm.CHANGE: "#a68a64",
+    BoxForm.CHANNEL: "#6a8caf",
 }
 
 #: Columns beside `centre` and `u`, in order.

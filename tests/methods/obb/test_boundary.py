@@ -256,3 +256,35 @@ def test_a_step_with_rough_ground_behind_it_is_no_kerb(behind_m, form):
     )
     assert [form_by_ground(line).form for line in lines] == [form]
     assert [line.form for line in lines] == ["kerb"]
+
+
+def channels(rng, height_m):
+    """Distances across of the channels on a paved street whose heights are a function of v; 300 points/m2, 4 mm noise."""
+    n = 20 * 8 * 300
+    u, v = rng.uniform(0, 20, n), rng.uniform(-3, 5, n)
+    boxes = boxes_of(turned(np.column_stack([u, v, height_m(v) + rng.normal(0, 0.004, n)]), 20.0))
+    found = boxes.take(boxes.form == BoxForm.CHANNEL)
+    off, turn = across(found, 20.0)
+    middle = (off > -2.0) & (off < 4.0)
+    return off[middle], turn[middle]
+
+
+def test_carriageway_and_footway_that_fall_to_their_common_edge_meet_in_a_channel():
+    off, turn = channels(np.random.default_rng(31), lambda v: np.where(v < 0, -0.02, 0.025) * v)
+    assert len(off) >= 25 and np.abs(off).max() < 0.15
+    assert np.sqrt(np.mean(off**2)) < 0.03 and np.abs(turn).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    "height_m",
+    [
+        lambda v: 0.02 * v,
+        # A crown; a bow as deep as a channel; a kerb of 2 cm between the same slopes
+        lambda v: -0.025 * np.abs(v),
+        lambda v: 0.02 * v**2,
+        lambda v: np.where(v < 0, -0.02 * v + 0.02, 0.025 * v),
+    ],
+)
+def test_slopes_crowns_bows_and_low_kerbs_are_no_channels(height_m):
+    off, _ = channels(np.random.default_rng(32), height_m)
+    assert len(off) <= 2

@@ -282,13 +282,17 @@ def test_bright_strips_behind_a_kerb_are_no_markings():
     assert behind_boundaries(lanes[:1], [], np.zeros(0)).tolist() == [False]
 
 
-def refused(axes, evidence, *, shades=None, known=None, lanes=(), path=()):
+def refused(axes, evidence, *, shades=None, known=None, channel=(), lanes=(), path=()):
     m = len(axes)
     shades = np.zeros(m, np.int64) if shades is None else np.array(shades)
     known = np.zeros(m, np.bool_) if known is None else np.array(known)
-    return [
-        why != "" for why in outweighed(axes, np.array(evidence, dtype=float), shades, known, lanes, path)
-    ]
+    channel, evidence = np.isin(np.arange(m), channel), np.array(evidence, dtype=float)
+    return [why != "" for why in outweighed(axes, evidence, shades, known, channel, lanes, path)]
+
+
+def test_what_is_known_behind_a_channel_is_no_rival_of_it():
+    for channel, want in (((), [True, False]), ((0,), [False, False])):
+        assert refused([axis(0.0), axis(-2.0)], [90.0, 900.0], known=[False, True], channel=channel) == want
 
 
 def test_of_parallel_changes_the_one_with_most_evidence_ends_the_carriageway():

@@ -13,6 +13,7 @@ from numba import njit
 from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
 from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
+from linework.kernels.boundaries.channel_boxes import MOST_CHANNEL_POINTS, channel_in_cell
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
 from linework.kernels.boundaries.kerb_boxes import box_cell_at, kerb_in_cell, may_be_kerb
 from linework.kernels.boundaries.kerb_ramps import ramp_in_cell, ramp_instead
@@ -165,10 +166,34 @@ def change_box_in_cell(
 
 
 @njit(cache=True, nogil=True)
+def channel_box_in_cell(
+    data: FloorCells,
+    ground: tuple[Float32Array, float, int, int],
+    place: tuple[float, float],
+    limits: FloorLimits,
+    scratch: PlaceScratch,
+    box: FloatArray,
+) -> int:
+    """Find a channel in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
+
+    Parameters as for `box_in_cell`.
+    """
+    plane = np.zeros(3)
+    slope = slope_at(place, ground)
+    noise, usual = floor_near(data.facets, data.span, place[0], place[1], slope, plane)
+    if noise < 0.0:
+        return BOX_HOLE
+    limits = limits_at(data, place, usual, limits)
+    most = roughness_limit(usual, limits.most_noise)
+    floor = LocalFloor(plane, noise, slope[0], slope[1], usual)
+    return channel_in_cell(data, place, floor, most, scratch, box)
+
+
+@njit(cache=True, nogil=True)
 def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
     return PlaceScratch(
-        np.empty((MOST_PLACE_POINTS + 2, PLACE_COLUMNS)),
+        np.empty((max(MOST_PLACE_POINTS, MOST_CHANNEL_POINTS) + 2, PLACE_COLUMNS)),
         np.empty((N_PROFILE_BINS + 1, PROFILE_SUMS)),
         np.empty(STEP_COLUMNS),
     )
@@ -218,9 +243,9 @@ def boxes_in_cells(
                 continue
             if y < south - FINE_M or y > north + FINE_M:
                 continue
-            if n + 1 >= len(out):
+            if n + 2 >= len(out):
                 out = np.concatenate((out, np.empty_like(out)))
-            out[n : n + 2, BOX_CONTRAST], out[n : n + 2, BOX_ROUGHER] = np.nan, np.nan
+            out[n : n + 3, BOX_CONTRAST], out[n : n + 3, BOX_ROUGHER] = np.nan, np.nan
             is_sure = False
             known, around = look_around(data, ground, (x, y), limits, plane, slopes)
             if known == BOX_FOUND and box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
@@ -232,6 +257,12 @@ def boxes_in_cells(
             if limits.is_vertical > 0.0:
                 known, around = look_around(data, ground, (x, y), against_road, plane, slopes)
             if known == BOX_FOUND and change_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
+                write_box_times(starts, span, times, out[n])
+                n += 1
+            if (
+                not is_sure
+                and channel_box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND
+            ):
                 write_box_times(starts, span, times, out[n])
                 n += 1
     return out[:n]

@@ -59,7 +59,7 @@ _HALF_SLOPE_M = 1.5
     BOX_CONTRAST, BOX_ROUGHER,
 ) = range(18)  # fmt: skip
 COLUMNS = 18
-KERB, EDGE, BARRIER, CHANGE = 2.0, 3.0, 4.0, 5.0
+KERB, EDGE, BARRIER, CHANGE, CHANNEL = 2.0, 3.0, 4.0, 5.0, 6.0
 
 
 @njit(cache=True, nogil=True)

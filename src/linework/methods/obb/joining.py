@@ -87,8 +87,8 @@ class Joining:
         Axes along the path of the vehicle.
     kerbs, boundaries
         Kerbs, and all boundaries, kerbs first.
-    changes
-        Changes of the ground, of which some are boundaries.
+    channels, changes
+        Channels to which the ground falls from both sides, and changes of the ground, of which some are boundaries.
     markings, other
         Lane markings, and other paint.
     beside
@@ -107,6 +107,7 @@ class Joining:
     config: TrackConfig
     kerbs: Sequence[SmoothBoundary] = ()
     boundaries: Sequence[SmoothBoundary] = ()
+    channels: Sequence[SmoothBoundary] = ()
     changes: Sequence[SmoothBoundary] = ()
     markings: Sequence[SmoothMarking] = ()
     other: Sequence[SmoothMarking] = ()
@@ -154,12 +155,14 @@ def find_barriers(now: Joining) -> Joining:
 
 
 def find_changes(now: Joining) -> Joining:
-    """Track the changes of the ground that lie apart from all boundaries so far, with the path on their left."""
-    boxes = now.boxes[BoxForm.CHANGE]
-    known = axes_of_lines(now.boundaries)
-    boxes = boxes.take(~beside_kerb(boxes, known, -KERB_SIDE_M, KERB_SIDE_M))
-    now, changes = _boundaries(now, facing(boxes, now.path))
-    return replace(now, changes=changes)
+    """Track channels apart from kerbs, and changes of the ground apart from all boundaries, with the path on their left."""
+    found = []
+    for form, known in ((BoxForm.CHANNEL, now.kerbs), (BoxForm.CHANGE, now.boundaries)):
+        boxes = now.boxes[form]
+        boxes = boxes.take(~beside_kerb(boxes, axes_of_lines(known), -KERB_SIDE_M, KERB_SIDE_M))
+        now, lines = _boundaries(now, facing(boxes, now.path))
+        found.append(lines)
+    return replace(now, channels=found[0], changes=found[1])
 
 
 def face_the_road(now: Joining) -> Joining:
@@ -215,8 +218,9 @@ def keep_consistent(now: Joining) -> Joining:
     """Drop lines that contradict others: markings off the carriageway, boundaries of none, pieces of other lines."""
     path = now.path
     why = ends_of_carriageway(now)
-    edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(now.changes, "road_boundary", why)
-    changes = [line for line, reason in zip(now.changes, why, strict=True) if not reason]
+    changes = [*now.channels, *now.changes]
+    edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(changes, "road_boundary", why)
+    changes = [line for line, reason in zip(changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
     is_change = np.arange(len(boundaries)) >= len(now.boundaries)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
@@ -273,13 +277,14 @@ def with_parallel_edges(now: Joining, edges: Sequence[Candidate]) -> Joining:
 
 
 def ends_of_carriageway(now: Joining) -> AnyArray:
-    """Return why the changes of the ground are not ends of the carriageway, (k,) str; "" for those that are."""
-    lines = [*now.boundaries, *now.changes]
+    """Return why channels and changes of the ground are not ends of the carriageway, (k,) str; "" for those that are."""
+    lines = [*now.boundaries, *now.channels, *now.changes]
     known = np.arange(len(lines)) < len(now.boundaries)
     evidence = np.array([_evidence(line) for line in lines])
     axes = axes_of_lines(lines)
     shades = np.array([_shade(line) for line in lines], dtype=np.int64)
-    why = outweighed(axes, evidence, shades, known, axes_of_lines(now.markings), now.path)
+    is_channel = ~known & (np.arange(len(lines)) < len(now.boundaries) + len(now.channels))
+    why = outweighed(axes, evidence, shades, known, is_channel, axes_of_lines(now.markings), now.path)
     return why[~known]
 
 

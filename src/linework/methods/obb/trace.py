@@ -28,7 +28,7 @@ TRACKED_AS = {
 #: Forms of the boxes of each kind.
 _FORMS = {
     "lane_marking": (BoxForm.STRIPE,),
-    "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER, BoxForm.CHANGE),
+    "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER, BoxForm.CHANGE, BoxForm.CHANNEL),
 }
 #: Length beyond an end that is checked for measured ground. [m]
 _AHEAD_M = 3.0

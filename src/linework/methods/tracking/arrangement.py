@@ -98,6 +98,7 @@ def outweighed(
     evidence: FloatArray,
     shades: IntArray,
     is_known: BoolArray,
+    is_channel: BoolArray,
     lanes: Sequence[LineAxis],
     path: Sequence[LineAxis],
 ) -> AnyArray:
@@ -115,20 +116,18 @@ def outweighed(
         (m,) log-likelihood that the line is one, in all; inf: it cannot be outweighed.
     shades
         (m,) +1 where the line is a change of brightness alone, brighter outside, -1 where it is darker, 0 for others.
-    is_known
-        (m,) bool: boundaries that are known; they stay.
+    is_known, is_channel
+        (m,) bool: boundaries that are known, which stay; and channels, of which what is known farther out is no rival.
     lanes, path
         Axes of markings and of the vehicle's path.
     """
-    m = len(axes)
-    every = [*axes, *lanes, *path]
+    m, every = len(axes), [*axes, *lanes, *path]
     n = find_neighbours(every, SECTION_M)
-    own = n.line < m
     is_lane, is_path = n.other >= m, n.other >= m + len(lanes)
     inside = is_path & (np.abs(n.across_m) < HALF_VEHICLE_M)
     seam = is_lane & (n.across_m < -BESIDE_KERB_M) & (n.across_m > -SEAM_M)
     why = np.full(m, "", dtype=object)
-    why[share_of_stations(n, own & (inside | seam), every)[:m] > _SOME] = DRIVEN_OVER
+    why[share_of_stations(n, (n.line < m) & (inside | seam), every)[:m] > _SOME] = DRIVEN_OVER
     # Wheel tracks and strips of other asphalt are as bright on one side as on the other
     shade = np.concatenate([shades * 1.0, np.zeros(len(every) - m)])
     strip = (shade[n.line] * shade[n.other] * n.facing < 0.0) & (np.abs(n.across_m) < SHADE_STRIP_M)
@@ -138,11 +137,12 @@ def outweighed(
     why[is_known] = ""
     # Those that weigh most first; brightness alone weighs less than any boundary that is known
     weighs = np.append(evidence > 0.0, np.zeros(len(every) - m, dtype=np.bool_))
-    known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_)) & weighs
+    known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_))
+    outside, known = known[n.other] & (n.across_m < 0.0), known & weighs
     is_stronger = np.zeros(len(every), dtype=np.bool_)
     for i in np.lexsort((np.arange(m), -evidence)).tolist():
         stronger = (is_stronger | known) if shades[i] else is_stronger
-        rival = (n.line == i) & ~is_lane & (n.facing > 0.0) & stronger[n.other]
+        rival = (n.line == i) & ~is_lane & (n.facing > 0.0) & stronger[n.other] & ~(outside & is_channel[i])
         if not why[i] and not is_known[i] and share_of_stations(n, rival, every)[i] > _SOME:
             why[i] = OUTWEIGHED
         is_stronger[i] = not why[i] and weighs[i]

@@ -36,7 +36,9 @@ ROUGH_BEHIND = 2.0
 SHORT = "short: patches and objects are as long"
 LESS_LIKELY = "less likely an edge than even ground"
 #: Names of the forms of boxes, as lines have them.
-FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier", BoxForm.CHANGE: "edge"}
+FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier"} | dict.fromkeys(
+    (BoxForm.CHANGE, BoxForm.CHANNEL), "edge"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ def _pieces(boxes: BoxSet, box: IntArray, visible: Sight) -> list[IntArray]:
 def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
     """Return the boundary through boxes (k,), of the form that most of their score has."""
     reach = float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
-    form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=6)))
+    form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=len(BoxForm))))
     line = smooth_line(boxes, box, reach, SHARED if form == BoxForm.KERB else SHARED_EDGE)
     at = np.maximum(line.box, 0)
     is_form = line.is_measured & (boxes.form[at] == form)
