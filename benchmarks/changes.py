@@ -87,6 +87,12 @@ def lines_of(scenario):
         )
 
 
+def end_m(scenario, sort):
+    """Return how far from its true end a change may be reported to end: of dashes also as far as their space."""
+    own = [m for m in scenario.layout.markings if m.q_m == sort[2]]
+    return END_M + max((m.gap_m for m in own), default=0.0)
+
+
 def driven_anew(scenario):
     """Return the road from a pass half a metre beside the first one, a tenth slower."""
     first, *others = scenario.passes
@@ -214,7 +220,9 @@ def unexplained(scenario, sorts, changes):
             continue
         stretches = [(sort, stretch_on(scenario, sort, change)) for sort in sorts.values()]
         if not any(
-            stretch is not None and stretch[0] > sort[3][0] - END_M and stretch[1] < sort[3][1] + END_M
+            stretch is not None
+            and stretch[0] > sort[3][0] - end_m(scenario, sort)
+            and stretch[1] < sort[3][1] + end_m(scenario, sort)
             for sort, stretch in stretches
         ):
             wrong.append(change)

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 
-from linework.evaluation.changes.epochs import EpochChange
+from linework.evaluation.changes.epoch_change import EpochChange
 from linework.evaluation.changes.registration import Registration
 from linework.model.lines import LineSet
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from linework.errors import extra_needed
-from linework.evaluation.changes.epochs import EpochChange
+from linework.evaluation.changes.epoch_change import EpochChange
 from linework.evaluation.changes.registration import Registration
 from linework.evaluation.report.scores_figure import WIDTH_IN, plot_png
 from linework.evaluation.report.tables import ReportTable

@@ -34,7 +34,8 @@ def dash_runs(lines: LineSet, other: LineSet) -> list[tuple[int, float, float, i
     """
     markings = np.flatnonzero(lines.kind == "lane_marking")
     own, others = (s.take(s.kind == "lane_marking_dash") for s in (lines, other))
-    has_marking = other.take(other.kind == "lane_marking")
+    # What is solid in the other survey is another pattern, whose dashes are neither gone nor new
+    has_marking = other.take((other.kind == "lane_marking") & (other.pattern != "solid"))
     if not len(own) or not len(markings) or not len(has_marking):
         return []
     middle, half = _middles(own)

@@ -16,7 +16,7 @@ from linework.model.lines import STACKED_FORM, LineSet
 
 #: Lines of one kind nearer than this are the same line; a kerb that moves further is another one. [m]
 SAME_M = 1.5
-#: A line of another kind is in its place this near, across and in height: dashes are as near to their marking. [m]
+#: A line of another kind or form is in its place this near, across and in height: dashes are as near to their marking. [m]
 _IN_PLACE_M = 0.5
 #: A line that turns more than 25 degrees from another is not the same.
 _ALONG_COSINE = 0.9
@@ -123,7 +123,9 @@ def _partners(axis: Axis, kind: str, form: str, others: LineSet, tells: BoolArra
         in_space = (others.form[cuts.line] == STACKED_FORM) & (form == STACKED_FORM) | (kind == "cable")
         away = np.hypot(cuts.offset_m, np.where(in_space, cuts.up_m - axis.xyz[cuts.station, 2], 0.0))
         is_same = (others.kind[cuts.line] == kind) & (np.abs(cuts.cosine) >= _ALONG_COSINE)
-        same = np.flatnonzero(is_same & (away <= SAME_M))
+        # A kerb before a wall that is a boundary too is another line: one is the other only in its place
+        is_alike = (others.form[cuts.line] == form) | (others.form[cuts.line] == "") | (form == "")
+        same = np.flatnonzero(is_same & (away <= np.where(is_alike, SAME_M, _IN_PLACE_M)))
         # From the farthest to the nearest: the last one written stays
         for row in same[np.argsort(-away[same], kind="stable")].tolist():
             k = int(cuts.station[row])

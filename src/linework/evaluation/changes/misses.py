@@ -23,6 +23,8 @@ from linework.lines.crosscuts import STATION_M
 
 #: Shorter stretches are not looked at. [m]
 LEAST_STRETCH_M = 2.0
+#: What one survey found otherwise is a change where that is twice as likely as that one of both erred.
+LIKELY_CHANGE = 2.0 / 3.0
 #: Before any is seen: length of a stretch that is missed, as long as the pieces in which lines are followed. [m]
 _MISSED_M = 5.0
 #: What is known of a class by the class above it counts as one stretch for how often, and two for how long (the fewest for
@@ -101,9 +103,9 @@ def change_probabilities(
     for one in alone:
         for k in range(len(one.levels) + 1):
             classes[one.levels[:k]].found_m += one.length_m
-    chance = [0.0] * len(alone)
-    for one in alone:
-        _add(classes, one, 1.0)
+    chance = _first_guess(alone, found_m)
+    for one, p in zip(alone, chance, strict=True):
+        _add(classes, one, 1.0 - p)
     order = range(len(alone))
     for _ in range(_ROUNDS):
         before = list(chance)
@@ -116,9 +118,43 @@ def change_probabilities(
     return [one.confidence * p for one, p in zip(alone, chance, strict=True)]
 
 
+def _first_guess(alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...], float]]) -> list[float]:
+    """Return 1 for what are changes, else 0: of each widest class the longest, as many as make all together likeliest.
+
+    Two that are alike may be misses, each because of the other, or changes, each because of none: which of both is likelier
+    only both together say.
+    """
+    chance = [0.0] * len(alone)
+    for kind in sorted({one.levels[:1] for one in alone}):
+        classes: dict[tuple[str, ...], _Class] = defaultdict(_Class)
+        for levels, metres in found_m:
+            for k in range(len(levels) + 1):
+                classes[levels[:k]].found_m += metres
+        for one in alone:
+            for k in range(len(one.levels) + 1):
+                classes[one.levels[:k]].found_m += one.length_m
+        own = sorted(
+            (i for i, one in enumerate(alone) if one.levels[:1] == kind), key=lambda i: alone[i].length_m
+        )
+        # From the shortest on, each as a miss by what those before it are, against a change
+        odds = [0.0]
+        for i in own:
+            odds.append(odds[-1] + math.log(_missed(alone[i], classes) / _changed(alone[i])))
+            _add(classes, alone[i], 1.0)
+        for i in own[odds.index(max(odds)) :]:
+            chance[i] = 1.0
+    return chance
+
+
 def _add(classes: dict[tuple[str, ...], _Class], one: Alone, share: float) -> None:
     for k in range(len(one.levels) + 1):
         classes[one.levels[:k]].add(share, _beyond_m(one))
+
+
+def _sums(classes: dict[tuple[str, ...], _Class], levels: tuple[str, ...]) -> tuple[float, float, float]:
+    """Return number and metres of what was missed of a class, and metres that were found."""
+    own = classes[levels]
+    return own.n, own.sum_m, own.found_m
 
 
 def _beyond_m(one: Alone) -> float:
@@ -128,20 +164,34 @@ def _beyond_m(one: Alone) -> float:
 
 def _probability(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
     """Return the probability of a change by what all others are."""
-    every = classes[()]
-    rate, mean_m = 0.5 / max(every.found_m, _CHANGE_EVERY_M), _MISSED_M
-    shape = _AS_TWO
+    changed, missed = _changed(one), _missed(one, classes)
+    return changed / (changed + missed)
+
+
+def _changed(one: Alone) -> float:
+    """Return how often changes of this length begin in a metre, by metre of length."""
+    return 1.0 / (
+        max(one.length_m, LEAST_STRETCH_M) * math.log(_LONGEST_CHANGE_M / LEAST_STRETCH_M) * _CHANGE_EVERY_M
+    )
+
+
+def _missed(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
+    """Return how often misses of this length begin in a metre of such a line, by metre of length, by what all others are."""
+    rate, mean_m, shape = 0.0, _MISSED_M, _AS_TWO
     for k in range(len(one.levels) + 1):
-        own = classes[one.levels[:k]]
-        n, sum_m = max(own.n, 0.0), max(own.sum_m, 0.0)
+        # Of a class above, what is not of the class below: no case counts twice
+        n, sum_m, found_m = (
+            max(a - b, 0.0)
+            for a, b in zip(
+                _sums(classes, one.levels[:k]), _sums(classes, one.levels[: k + 1]) if k < len(one.levels) else (0.0,) * 3,
+                strict=True,
+            )
+        )  # fmt: skip
         if k == 0:
-            rate = (n + 0.5) / max(own.found_m, _CHANGE_EVERY_M)
+            rate = (n + 0.5) / max(found_m, _CHANGE_EVERY_M)
         else:
-            rate = (n + _AS_ONE) / (own.found_m + _AS_ONE / rate)
+            rate = (n + _AS_ONE) / (found_m + _AS_ONE / rate)
         shape = _AS_TWO + n
         mean_m = (mean_m * (_AS_TWO - 1.0) + sum_m) / (shape - 1.0)
     scale_m = mean_m * (shape - 1.0)
-    missed = rate * shape / scale_m * math.exp(-(shape + 1.0) * math.log1p(_beyond_m(one) / scale_m))
-    of_length = 1.0 / (max(one.length_m, LEAST_STRETCH_M) * math.log(_LONGEST_CHANGE_M / LEAST_STRETCH_M))
-    changed = of_length / _CHANGE_EVERY_M
-    return changed / (changed + missed)
+    return rate * shape / scale_m * math.exp(-(shape + 1.0) * math.log1p(_beyond_m(one) / scale_m))

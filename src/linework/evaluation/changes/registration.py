@@ -9,10 +9,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, IntArray
 from linework.evaluation.changes.epoch_stations import EpochStations
+from linework.lines.crosscuts import STATION_M
 
 #: Size of a cell with one registration, and the distance from its middle of the lines that it is from: navigation errors
 #: change over some 10 s of driving, by a tenth of that within a cell. [m]
@@ -52,26 +55,42 @@ def registered(stations: EpochStations) -> Registration:
     place = stations.xyz[good, :2]
     cells = np.unique(np.floor(place / _CELL_M).astype(np.int64), axis=0)
     rows = []
+    feature = _features(stations, good)
     if len(good):
         origin = place[0]
         middles = (cells + 0.5) * _CELL_M
         near = cKDTree(place - origin).query_ball_point(middles - origin, _WINDOW_M, return_sorted=True)
-        rows = [_cell(stations, good[own], middle) for own, middle in zip(near, middles, strict=True)]
+        rows = [
+            _cell(stations, good[own], feature[own], middle)
+            for own, middle in zip(near, middles, strict=True)
+        ]
     return Registration(
         cells.reshape(-1, 2), np.array([r[0] for r in rows]).reshape(-1, 3), np.array([r[1] for r in rows]),
         np.array([r[2] for r in rows]).reshape(-1, 2), np.array([r[3] for r in rows], dtype=np.int64),
     )  # fmt: skip
 
 
+def _features(stations: EpochStations, rows: IntArray) -> IntArray:
+    """Return the number of the line of the road at stations: pieces of it that are one line in either survey are one."""
+    line, partner = stations.line[rows], stations.partner[rows]
+    n = int(line.max(initial=-1)) + 1
+    size = n + int(partner.max(initial=-1)) + 1
+    pairs = coo_array((np.ones(len(rows), dtype=bool), (line, n + partner)), shape=(size, size))
+    return np.asarray(connected_components(pairs, directed=False)[1][line], dtype=np.int64)
+
+
 def _cell(
-    stations: EpochStations, rows: IntArray, middle: FloatArray
+    stations: EpochStations, rows: IntArray, feature: IntArray, middle: FloatArray
 ) -> tuple[FloatArray, float, FloatArray, int]:
     left, place = stations.left[rows], stations.xyz[rows, :2] - middle
     lever = left[:, 1] * place[:, 0] - left[:, 0] * place[:, 1]
     A = np.column_stack([left, lever])
-    # A line counts as one, whatever its length: its errors are one
-    number, inverse = np.unique(stations.line[rows], return_inverse=True)
-    weight = 1.0 / np.bincount(inverse)[inverse]
+    # A line counts as one, whatever its length: its errors are one. A piece shorter than a cell, which may well be
+    # another edge, counts by its length
+    number, inverse = np.unique(feature, return_inverse=True)
+    count = np.bincount(inverse)
+    share = np.minimum(STATION_M * count / _CELL_M, 1.0)
+    weight = (share / count)[inverse]
     prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
     sigma = float(np.sqrt(np.mean(stations.sigma_m[rows, 0] ** 2)))
     d, up = stations.across_m[rows], stations.up_m[rows]
@@ -82,12 +101,24 @@ def _cell(
         found = np.asarray(np.linalg.solve(A.T @ (w[:, None] * A) + prior, A.T @ (w * d)), dtype=np.float64)
         # Least absolute deviations: a kerb that was moved does not pull
         factor = np.asarray(sigma / np.maximum(np.abs(d - A @ found), 0.2 * sigma), dtype=np.float64)
-    covariance = np.linalg.inv(A.T @ ((weight / sigma**2)[:, None] * A) + prior)
+    # Lines that disagree more than they state know the shift as much less; few that were moved among many say nothing of it
+    residual = np.abs(np.bincount(inverse, weights=d - A @ found) / count)
+    scale = max(1.4826 * _weighted_median(residual, share) / sigma, 1.0)
+    covariance = np.linalg.inv(A.T @ ((weight / (scale * sigma) ** 2)[:, None] * A) + prior)
     across = float(np.sqrt(np.mean(np.einsum("ij,jk,ik->i", A, covariance, A))))
     means = [float(np.median(up[inverse == k])) for k in range(len(number))]
-    rise = float(np.median(means))
-    sigma_up = float(np.sqrt(np.mean(stations.sigma_m[rows, 1] ** 2))) * math.sqrt(math.pi / 2 / len(number))
+    rise = _weighted_median(np.array(means), share)
+    sigma_up = float(np.sqrt(np.mean(stations.sigma_m[rows, 1] ** 2))) * math.sqrt(
+        math.pi / 2 / float(share.sum())
+    )
     return np.array([found[0], found[1], rise]), float(found[2]), np.array([across, sigma_up]), len(number)
+
+
+def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
+    """Return the median of values (n,) that count by weights, between two where it lies between them."""
+    order = np.argsort(values, kind="stable")
+    middle = (np.cumsum(weight[order]) - 0.5 * weight[order]) / weight.sum()
+    return float(np.interp(0.5, middle, values[order]))
 
 
 def differences_of(

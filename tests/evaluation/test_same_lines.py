@@ -1,0 +1,141 @@
+"""What differs of lines that both surveys have: other edges for some metres are unsure, a kerb in pieces has moved once."""
+
+import numpy as np
+import pytest
+
+from linework.evaluation.changes.epoch_change import EpochChange
+from linework.evaluation.changes.epochs import compare_epochs
+from linework.evaluation.changes.joined_moves import moved_together
+from linework.lines.along import line_stretch
+from linework.model.lines import LineSet
+
+X = np.arange(0.0, 600.1, 2.0)
+OFFSETS = (0.0, 3.5, -3.5, 5.0, -5.0, 6.0)
+
+
+def survey(seed, moved=(), pieces=None):
+    """Return three markings and three edges of 600 m; `moved` has line, ends and shift, `pieces` cuts the last edge."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k, offset in enumerate(OFFSETS):
+        y = offset + np.interp(X, np.arange(0, 640, 40), 0.006 * rng.normal(size=16))
+        for line, a, b, shift in moved:
+            y = y + shift * ((line == k) & (a <= X) & (b >= X))
+        rows.append(np.column_stack([X, y, np.zeros(len(X))]))
+    lines = LineSet.from_lines(
+        rows, kind=["lane_marking"] * 3 + ["road_boundary"] * 3, form=[""] * 3 + ["edge"] * 3, id=[f"{o:g}" for o in OFFSETS],
+        sigma_xy_m=0.01, sigma_z_m=0.01, confidence=0.95, crs="EPSG:25832",
+    )  # fmt: skip
+    if pieces is None:
+        return lines
+    cut = [line_stretch(lines.take([5]), a, b).with_columns(id=[f"piece {a}"]) for a, b in pieces]
+    return LineSet.concatenate([lines.take(np.arange(5)), *cut])
+
+
+def differing(old, new):
+    return [
+        (c.status, str(c.line.id[0]), c.what) for c in compare_epochs(old, new)[0] if c.across_m == c.across_m
+    ]
+
+
+#: Another edge was measured for some metres, once on one edge and once on another.
+OTHER_EDGE = [(3 + k % 2, 30.0 + 70.0 * k, 38.0 + 70.0 * k, 0.4) for k in range(8)]
+
+
+def test_another_edge_for_some_metres_is_unsure_and_a_long_move_is_one():
+    found = differing(survey(1), survey(2, [*OTHER_EDGE, (5, 300.0, 500.0, 0.12)]))
+    assert found.count(("unsure", "5", "moved")) + found.count(("unsure", "-5", "moved")) == len(OTHER_EDGE)
+    assert [f for f in found if f[0] == "moved"] == [("moved", "6", "")]
+
+
+def test_a_short_move_of_lines_that_never_err_has_moved():
+    assert differing(survey(1), survey(2, [(2, 300.0, 310.0, 0.12)])) == [("moved", "-3.5", "")]
+
+
+def test_an_edge_that_moved_in_pieces_moved_once():
+    """Each piece by itself is as long as the places where another edge was measured."""
+    pieces = [(a, a + 14.0) for a in range(300, 500, 20)]
+    new = survey(2, [*OTHER_EDGE, (5, 300.0, 500.0, 0.12)])
+    changes = [
+        c for c in compare_epochs(survey(1, pieces=pieces), new)[0] if str(c.line.id[0]).startswith("piece")
+    ]
+    assert {c.status for c in changes} == {"moved"} and len(changes) == len(pieces)
+    assert len({c.probability for c in changes}) == 1
+
+
+def test_moves_are_one_only_where_nothing_between_has_stayed_and_the_shift_is_the_same():
+    def moved(start, across, y=0.0):
+        x = np.arange(start, start + 10.1, 2.0)
+        line = LineSet.from_lines([np.column_stack([x, np.full(len(x), y), 0.0 * x])], kind="road_boundary")
+        return EpochChange("moved", line, 0.0, 10.0, across, 0.0, 0.01, 0.01, "")
+
+    def groups(*moves, still=(), kind="road_boundary"):
+        kinds = np.full(len(still), kind)
+        return moved_together(moves, np.reshape(still, (-1, 2)), kinds).tolist()
+
+    assert groups(moved(0, 0.1), moved(18, 0.1), moved(36, 0.1)) == [0, 0, 0]
+    assert groups(moved(0, 0.1), moved(18, 0.2)) == [0, 1]
+    assert groups(moved(0, 0.1), moved(18, 0.1), still=[(14.0, 0.0)]) == [0, 1]
+    assert groups(moved(0, 0.1), moved(18, 0.1), still=[(14.0, 0.0)], kind="lane_marking") == [0, 0]
+    assert groups(moved(0, 0.1), moved(18, 0.1, y=1.0)) == [0, 1]
+    assert groups(moved(0, 0.1), moved(28, 0.1)) == [0, 1]
+    assert groups() == []
+
+
+def test_a_wall_behind_a_kerb_is_another_line():
+    old, new = survey(1), survey(2)
+    wall = survey(1, [(4, 0.0, 600.0, -0.7)]).take([4]).with_columns(form=["barrier"], id=["wall"])
+    statuses = [
+        (c.status, c.what)
+        for c in compare_epochs(LineSet.concatenate([old.take([0, 1, 2, 3, 5]), wall]), new)[0]
+    ]
+    assert sorted(statuses) == [("gone", ""), ("new", "")]
+
+
+def test_two_lines_that_disagree_know_the_registration_as_much_less():
+    """Which of both has moved, or whether navigation erred, only a third line says."""
+    old, new = (s.take([0, 4]) for s in (survey(1), survey(2, [(0, 200.0, 400.0, 0.2)])))
+    _, registration = compare_epochs(old, new)
+    assert registration.sigma_m[:, 0].max() > 0.05
+    three = [s.take([0, 3, 4]) for s in (survey(1), survey(2, [(0, 200.0, 400.0, 0.2)]))]
+    assert differing(*three) == [("moved", "0", "")]
+
+
+def test_short_pieces_do_not_pull_the_registration():
+    pieces = [(a, a + 6.0) for a in range(200, 300, 12)]
+    old = LineSet.concatenate([survey(1, pieces=pieces).take(np.r_[0, 3, 5 : 5 + len(pieces)])])
+    new = survey(2, [(5, 0.0, 600.0, 0.8)]).take([0, 3, 5])
+    _, registration = compare_epochs(old, new)
+    assert np.abs(registration.shift_m[:, :2]).max() < 0.05
+
+
+def test_dashes_of_what_is_solid_now_are_not_gone():
+    old = survey(1).with_columns(pattern=["dashed", "solid", "solid", "", "", ""])
+    dashes = [
+        line_stretch(old.take([0]), s, s + 3.0).with_columns(
+            kind=["lane_marking_dash"], id=[f"d{s}"], pattern=[""]
+        )
+        for s in range(6, 590, 9)
+    ]
+    both = LineSet.concatenate([old, *dashes])
+    worn = LineSet.concatenate(
+        [survey(2).with_columns(pattern=["dashed", "solid", "solid", "", "", ""]), *dashes[:20], *dashes[26:]]
+    )
+    whats = [c.what for c in compare_epochs(both, worn)[0]]
+    assert whats == ["6 dashes gone"]
+    solid = LineSet.concatenate(
+        [survey(2).with_columns(pattern=["solid"] * 3 + [""] * 3), *dashes[:20], *dashes[26:]]
+    )
+    whats = [c.what for c in compare_epochs(both, solid)[0]]
+    assert whats == ["pattern dashed to solid"]
+
+
+@pytest.mark.parametrize("end_m", [6.0])
+def test_another_pattern_at_the_end_of_a_marking_is_unsure(end_m):
+    old = survey(1).with_columns(pattern=["dashed", "solid", "solid", "", "", ""])
+    first = line_stretch(survey(2).take([0]), 0.0, end_m).with_columns(id=["end"], pattern=["solid"])
+    rest = line_stretch(survey(2).take([0]), end_m + 2.0, 600.0).with_columns(pattern=["dashed"])
+    others = survey(2).take(np.arange(1, 6)).with_columns(pattern=["solid", "solid", "", "", ""])
+    changes = compare_epochs(old, LineSet.concatenate([first, rest, others]))[0]
+    assert all(c.status in ("unsure", "changed") for c in changes)
+    assert all(c.probability < 1.0 for c in changes)
