@@ -141,6 +141,7 @@ def test_evidence_for_a_shift_is_that_of_generalised_least_squares():
 
 def with_dashes(lines, missing=()):
     """Return lines with the dashes of "middle", 3 m every 9 m, but for those that begin within stretches."""
+    lines = lines.with_columns(pattern=np.where(lines.id == "middle", "dashed", lines.pattern))
     middle = lines.take(lines.id == "middle")
     starts = [s for s in np.arange(6.0, 980.0, 9.0) if not any(a <= s <= b for a, b in missing)]
     dashes = [

@@ -135,7 +135,11 @@ def test_bars_are_told_apart_under_noise(across_m, down_deg, noise_m, both_sides
         ("box", "box_beam", (-0.07,)),
     ):
         sides = (1.0, -1.0) if both_sides else (1.0,)
-        bars = [scanned(outline, down_deg, noise_m, side) + [across_m, top] for top in tops for side in sides]
+        bars = [
+            scanned(outline, down_deg, noise_m, side) + np.array([across_m, top])
+            for top in tops
+            for side in sides
+        ]
         u, z = np.concatenate(bars).T
         found = form_of_section(np.histogram2d(z, u, bins=edges)[0], 1.1)
         assert found.form == form
