@@ -14,7 +14,7 @@ from tests.files.maps.test_opendrive import _BY_PYXODR
 from tests.scenes.map_scenes import road_lines
 
 from linework.crs import metric_twin, parse_crs
-from linework.errors import CrsError
+from linework.errors import CrsError, InputError
 from linework.evaluation.changes.epochs import compare_epochs
 from linework.files.vectors.lane_layer import lane_options
 from linework.files.vectors.read_write import read_lines, write_lines
@@ -169,6 +169,19 @@ def test_a_drawing_says_its_unit(tmp_path):
     for lines, code in ((metres, 6), (feet, 21), (in_feet(FEET[1])[1], 2)):
         write_lines(lines, tmp_path / "a.dxf", overwrite=True)
         assert ezdxf.readfile(tmp_path / "a.dxf").header["$INSUNITS"] == code
+
+
+def test_a_drawing_in_feet_needs_a_crs(tmp_path):
+    metres, feet = in_feet(FEET[0])
+    for lines in (metres, feet):
+        write_lines(lines, tmp_path / "a.dxf", overwrite=True)
+        (tmp_path / "a.prj").unlink(missing_ok=True)
+        if lines is feet:
+            with pytest.raises(InputError, match=r"a\.dxf: the drawing is in feet"):
+                read_lines(tmp_path / "a.dxf")
+            assert read_lines(tmp_path / "a.dxf", crs=FEET[0]).crs == feet.crs
+        else:
+            assert read_lines(tmp_path / "a.dxf").crs == "local"
 
 
 def test_commands_measure_in_metres(linework, tmp_path):

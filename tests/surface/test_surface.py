@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.errors import InputError
+from linework.errors import InputError, UsageError
 from linework.kernels.cells import surface as kernels
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
@@ -84,6 +84,11 @@ def test_ground_beyond_a_hole_in_the_data_is_ground():
     surface = find_ground(points.take((x < 20) | (x > 32)), path(), RoadConfig())
     far = np.array([[45.0, 7.0, 0.12 - 0.14]]) + ORIGIN
     assert abs(float(height_above_ground(surface, far)[0])) < 0.05
+
+
+def test_no_points_have_no_ground():
+    with pytest.raises(UsageError, match="no points"):
+        find_ground(Points(np.zeros((0, 3))))
 
 
 def test_an_extent_that_needs_too_large_a_grid_is_refused_with_its_size():

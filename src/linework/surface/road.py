@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
-from linework.errors import InputError
+from linework.errors import InputError, UsageError, argument
 from linework.kernels.cells import surface as kernels
 from linework.model.ground import Ground as Ground
 from linework.model.points import Points, refuse_unusable
@@ -61,7 +61,7 @@ def find_ground(
     Raises
     ------
     UsageError
-        Coordinates that are not finite.
+        There are no points, or coordinates that are not finite.
     InputError
         The extents need a larger grid than `max_cells`.
 
@@ -74,6 +74,8 @@ def find_ground(
     (True, [7.2])
     """
     config = config or RoadConfig()
+    if not len(points):
+        raise UsageError("no points", where=argument("points"), advice="give at least one")
     refuse_unusable(points)
     window = _window_of(points, config)
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])

@@ -188,11 +188,13 @@ def read_dxf(
     Raises
     ------
     InputError
-        Not a DXF file, or one whose blocks multiply.
+        Not a DXF file, one whose blocks multiply, or one in feet without a CRS.
     """
     shapes, tables, places = [], [], []
     with _drawing_errors(path):
-        listed = list(readfile(path).modelspace().query(_READ))
+        drawing = readfile(path)
+        listed, units = list(drawing.modelspace().query(_READ)), int(drawing.units)
+    own_crs = _crs_of(path, units, crs)
     if _n_drawn(listed, {}) > _MAX_DRAWN:
         raise InputError(
             f"its blocks draw more than {_MAX_DRAWN:,} entities",
@@ -225,17 +227,20 @@ def read_dxf(
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
     array = np.array([*shapes, None], dtype=object)[:-1]
-    return foreign_lines(
-        array, kind, columns, kinds, _crs_beside(path, crs) or crs or LOCAL, path, left_out, places
-    )
+    return foreign_lines(array, kind, columns, kinds, own_crs, path, left_out, places)
 
 
-def _crs_beside(path: Path, given: str | None) -> str | None:
-    """Return the CRS in the .prj beside a DXF file, None without one."""
+def _crs_of(path: Path, units: int, given: str | None) -> str:
+    """Return the CRS of a drawing: that in the .prj beside it, the given one, or "local" where its units are no feet."""
     prj = path.with_suffix(".prj")
-    if not prj.is_file():
-        return None
-    return stated_crs(prj.read_text(encoding="utf-8", errors="replace"), given, where=prj)
+    if prj.is_file():
+        return (
+            stated_crs(prj.read_text(encoding="utf-8", errors="replace"), given, where=prj) or given or LOCAL
+        )
+    if given is None and units in (code for metres, code in _UNITS.items() if metres != 1.0):
+        advice = "give the CRS of its coordinates, or scale it to metres"
+        raise InputError("the drawing is in feet, and no CRS says of which system", where=path, advice=advice)
+    return given or LOCAL
 
 
 @contextlib.contextmanager
