@@ -38,7 +38,7 @@ def barrier(start_m, n, north_m=0.0):
 
 
 def shown(start_m, n, run, paired=None):
-    section = SectionForm("guardrail", "thrie_beam", (Band(-0.5, 0.0, "flat", 0.0, 1.0, 0.0),))
+    section = SectionForm("guardrail", "thrie_beam", (Band(-0.5, 0.0, "flat", 0.0, 1.0, 0.0),), hangs=True)
     stretch = FormedStretch(run, section, 1.0, *np.zeros((2, run.stop - run.start)))
     return formed._Shown(
         placed(start_m, n), scores(n), stretch, np.zeros(n, bool) if paired is None else paired

@@ -8,6 +8,7 @@ import pytest
 from linework.methods.rails.circles import CircleConfig
 from linework.methods.rails.forms import formed_stretches
 from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit
+from linework.methods.rails.placed import road_noise_m
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.sections import (
     DEPTHS_M,
@@ -18,6 +19,8 @@ from linework.methods.rails.sections import (
     form_of_bars,
     form_of_section,
 )
+from linework.model.grid import Grid
+from linework.model.ground import Ground
 
 #: Height of the followed edge above the ground. [m]
 TOP_M = 0.80
@@ -174,6 +177,35 @@ def test_a_mesh_is_a_fence_though_a_plinth_hides_its_foot():
     assert form_of_section(section([plane(-0.80, 0.0)]), 1.30).form == ""
 
 
+def test_concrete_is_told_by_the_noise_of_the_survey():
+    lid, face, slope = concrete()
+    rng = np.random.default_rng(2)
+    noisy = [part + rng.normal(0.0, 0.032, part.shape) for part in (lid, face, slope)]
+    assert form_of_section(section(noisy), TOP_M).form == ""
+    assert form_of_section(section(noisy), TOP_M, 0.032).form == "concrete"
+
+
+def test_the_noise_is_that_of_the_road_beside_a_place():
+    is_road = np.zeros((60, 200), dtype=bool)
+    is_road[20:30, :100] = True
+    sigma = np.where(is_road, 0.03, 0.10).astype(np.float32)
+    zeros = np.zeros(is_road.shape, dtype=np.float32)
+    ground = Ground(
+        Grid(0.0, 30.0, 0.5, 0.5, 60, 200), 0.0, zeros, zeros, is_road, np.ones_like(is_road), sigma
+    )
+    # Of the third, 10 cells of road are within reach: too few
+    places = np.array([[25.0, 18.0], [57.0, 18.0], [57.5, 18.0], [80.0, 18.0], [25.0, 500.0], [-300.0, 18.0]])
+    assert road_noise_m(ground, places) == pytest.approx([0.03, 0.03, 0.0, 0.0, 0.0, 0.0])
+
+
+def test_a_bar_on_the_ground_is_none_whatever_the_bars_beside_it_are():
+    counts = section([scanned("box", 10.0, 0.004, n=900) - [0.0, 0.06]])
+    assert form_of_section(counts, 0.9).form == "box_beam"
+    low = form_of_section(counts, 0.20)
+    assert (low.form, low.hangs) == ("", False)
+    assert form_of_bars(low.bands, [b.fits for b in low.bands], hangs=low.hangs).form == ""
+
+
 def test_what_goes_on_above_the_section_has_no_upper_edge():
     wall, fence = plane(-0.40, DEPTHS_M[1]), plane(-0.40, 1.10)
     assert form_of_section(section([wall]), 0.45).form == ""
@@ -194,9 +226,9 @@ def test_two_tubes_are_a_handrail_and_two_pipes_a_rail(size, kind):
 def windows(*names):
     """Sections of windows 2 m apart, by the first letter of what they show, and their stations."""
     shown = {
-        "b": SectionForm("fence", "boards", tuple(Band(low, low + 0.12, "flat", 0.0, 1.0, 0.0) for low in (-0.12, -0.5))),
-        "m": SectionForm("fence", "mesh", (Band(-0.8, 0.0, "flat", 0.0, 1.0, 0.0),)),
-        "t": SectionForm("guardrail", "thrie_beam", (Band(-0.5, 0.0, "flat", 0.0, 1.0, 0.0),)),
+        "b": SectionForm("fence", "boards", tuple(Band(low, low + 0.12, "flat", 0.0, 1.0, 0.0) for low in (-0.12, -0.5)), hangs=True),
+        "m": SectionForm("fence", "mesh", (Band(-0.8, 0.0, "flat", 0.0, 1.0, 0.0),), hangs=False),
+        "t": SectionForm("guardrail", "thrie_beam", (Band(-0.5, 0.0, "flat", 0.0, 1.0, 0.0),), hangs=True),
         "-": NOTHING,
     }  # fmt: skip
     letters = "".join(names)

@@ -128,7 +128,7 @@ class SectionForm:
     kind: str
     form: str
     bands: tuple[Band, ...]
-    hangs: bool = True
+    hangs: bool
 
     @property
     def is_bars(self) -> bool:
@@ -147,7 +147,7 @@ class SectionForm:
         return min((band.explained for band in self.bands), default=0.0)
 
 
-NOTHING = SectionForm("", "", ())
+NOTHING = SectionForm("", "", (), hangs=False)
 
 
 def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: CircleConfig) -> FloatArray:
@@ -212,7 +212,7 @@ def form_of_section(counts: FloatArray, above_ground_m: float, noise_m: float = 
     edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m) if len(bands) == 1 else None
     if edge_m is not None:
         face = replace(bands[0], axis_m=edge_m, explained=_faced(found, u, on_m))
-        return SectionForm("barrier", "concrete", (face,))
+        return SectionForm("barrier", "concrete", (face,), hangs=False)
     return _form(bands, above_ground_m, hangs=_hangs(counts, bands[-1], above_ground_m))
 
 
@@ -324,7 +324,7 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, *, hangs: bool) -> Sec
     """Return the form of which these beams, the highest first, are the section."""
     sure = tuple(band for band in bands if band.explained >= fitted.LEAST_EXPLAINED)
     if not bands or len(sure) < len(bands):
-        return SectionForm("", "", bands)
+        return SectionForm("", "", bands, hangs=hangs)
     heights, n = [band.height_m for band in bands], len(bands)
     pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
     foot = above_ground_m + bands[-1].low_m
@@ -345,7 +345,7 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, *, hangs: bool) -> Sec
         return form_of_bars(bands, [band.fits for band in bands], hangs=hangs)
     elif is_mesh:
         kind, form = "fence", "mesh"
-    return SectionForm(kind, form, bands)
+    return SectionForm(kind, form, bands, hangs=hangs)
 
 
 def _are_bars(bands: tuple[Band, ...]) -> bool:
@@ -376,7 +376,7 @@ def form_of_bars(
         for band, fit in zip(bands, own, strict=True)
     )
     if min(band.explained for band in bars) < fitted.LEAST_EXPLAINED:
-        return SectionForm("", "", bars)
+        return SectionForm("", "", bars, hangs=hangs)
     kind, form = "guardrail", "box_beam" if outline == "box" and len(bars) == 1 else "tube"
     if outline == "flat":
         # A board alone may be anything
