@@ -98,7 +98,7 @@ def test_drives_share_no_road_where_one_has_measured_nothing():
     part = [LineSet.from_lines([straight(y).xyz[:200]], kind=["lane_marking"]) for y in (5.0, 5.1)]
     assert not adjusted_drives(whole, path, part).is_held
     adjusted = adjusted_drives(drives, path, part, whole)
-    assert adjusted.is_held and len(adjusted.account.drives) == 2
+    assert adjusted.is_held and len(adjusted.accounted().drives) == 2
     # Poses without points are corrected as those of a whole drive are: ever less away from what ties them
     ahead = adjusted.correction.at(whole[1].time_s[[10, 90]])
     assert abs(ahead[1, 1]) < 0.05 * abs(ahead[0, 1])
@@ -222,9 +222,9 @@ def test_ties_are_across_in_height_and_along_at_dashes():
     # The middle of both: east at dashes, north across, up
     np.testing.assert_allclose(shift[0], [0.1, 0.05, 0.02], atol=0.01)
     np.testing.assert_allclose(shift[1], [-0.1, -0.05, -0.02], atol=0.01)
-    np.testing.assert_allclose(adjusted.account.apart_m[1], 0.04, atol=1e-6)
-    assert max(adjusted.account.left_apart_m) < 0.003
-    assert "2 drives adjusted" in adjusted.account.summary
+    np.testing.assert_allclose(adjusted.accounted().apart_m[1], 0.04, atol=1e-6)
+    assert max(adjusted.accounted().left_apart_m) < 0.003
+    assert "2 drives adjusted" in adjusted.accounted().summary
 
 
 def test_lines_along_a_part_of_the_shared_road_do_not_hold_all_of_it():

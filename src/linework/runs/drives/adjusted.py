@@ -73,9 +73,8 @@ class AdjustedDrives:
     ties: DriveTies
     is_held: bool
 
-    @property
-    def account(self) -> DrivesAccount:
-        """How each was corrected; takes the covariance of the path, and is asked for once no more lines are sought."""
+    def accounted(self) -> DrivesAccount:
+        """Return how each was corrected: the covariance of the path, seconds of work for 15 km, so once for a run."""
         return _account(self.drives, self.correction, self.ties)
 
 
@@ -171,7 +170,7 @@ def find_lines_of_drives(
         return found_in_all(recordings)
     moved = _moved(recordings, adjusted, run, steps)
     found = found_in_all(moved)
-    return replace(found, lines=with_common_sigma(found.lines, adjusted), drives=adjusted.account)
+    return replace(found, lines=with_common_sigma(found.lines, adjusted), drives=adjusted.accounted())
 
 
 def adjusted_drives(
