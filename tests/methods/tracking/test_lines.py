@@ -290,9 +290,11 @@ def refused(axes, evidence, *, shades=None, known=None, channel=(), lanes=(), pa
     return [why != "" for why in outweighed(axes, evidence, shades, known, channel, lanes, path)]
 
 
-def test_what_is_known_behind_a_channel_is_no_rival_of_it():
-    for channel, want in (((), [True, False]), ((0,), [False, False])):
-        assert refused([axis(0.0), axis(-2.0)], [90.0, 900.0], known=[False, True], channel=channel) == want
+def test_what_is_known_outweighs_a_channel_but_for_the_back_of_its_footway():
+    # By evidence alone the channel is the end: a kerb, a gutter, an edge, an edge at the back of a footway, a wall
+    behind = ((-2.0, np.inf), (-1.4, np.inf), (-3.5, 90.0), (-1.4, 9000.0), (-3.5, 0.0))
+    both = [refused([axis(0.0), axis(y)], [900.0, w], known=[False, True], channel=(0,)) for y, w in behind]
+    assert both == [[True, False], [True, False], [True, False], [False, False], [False, False]]
 
 
 def test_of_parallel_changes_the_one_with_most_evidence_ends_the_carriageway():

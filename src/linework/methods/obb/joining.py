@@ -29,6 +29,7 @@ from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.against_paint import BrightStrips, is_other_strip
 from linework.methods.tracking.arrangement import (
     BEHIND_KERB_M,
+    DRIVEN_OVER,
     GUTTER,
     HIDDEN,
     NOTHING_IN_FRONT,
@@ -47,6 +48,7 @@ from linework.methods.tracking.arrangement import (
     roles,
 )
 from linework.methods.tracking.boundary_lines import SmoothBoundary
+from linework.methods.tracking.channels import has_footway_behind, within_carriageway
 from linework.methods.tracking.edge_roles import edge_roles
 from linework.methods.tracking.guides import LEAST_GUIDE_M, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
@@ -220,13 +222,20 @@ def keep_consistent(now: Joining) -> Joining:
     why = ends_of_carriageway(now)
     changes = [*now.channels, *now.changes]
     edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(changes, "road_boundary", why)
+    known, n_channels = len(now.boundaries), np.count_nonzero(why[: len(now.channels)] == "")
     changes = [line for line, reason in zip(changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
-    is_change = np.arange(len(boundaries)) >= len(now.boundaries)
+    is_change = np.arange(len(boundaries)) >= known
+    is_channel = is_change & (np.arange(len(boundaries)) < known + n_channels)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
     is_sure = is_kerb | np.array(
         [b.confidence >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
     )
+    # A channel alone takes no paint, nor does that on its gutter stones take it: what is farther behind was weighed
+    takes_paint = is_sure & ~is_channel
+    channels = axes_of_lines([b for b, yes in zip(boundaries, is_channel, strict=True) if yes])
+    takes_paint[is_channel] = has_footway_behind(channels, axes_of_lines(now.boundaries))
+    is_sure |= is_channel
     # There is paint on both sides of a line between two kerbs
     is_sure &= ~between_kerbs(axes_of_lines(boundaries), is_kerb)
     # Behind a kerb there is no carriageway over some width; behind an edge there may be another one, but not close
@@ -235,12 +244,18 @@ def keep_consistent(now: Joining) -> Joining:
     # What bounds no carriageway, whatever paint there is, does not say what is behind one
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(now.markings), path)
     bounds = is_sure & (why == "")
-    sure = [b for b, yes in zip(boundaries, bounds, strict=True) if yes]
-    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), width_m[bounds])
+    lanes = axes_of_lines(now.markings)
+    behind, is_stone = (
+        behind_boundaries(
+            lanes, axes_of_lines([b for b, yes in zip(boundaries, which, strict=True) if yes]), width_m[which]
+        )
+        for which in (bounds & takes_paint, bounds)
+    )
     now = _aside(now, left_out(now.markings, "lane_marking", np.where(behind, BEHIND, "")))
     markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
-    # A boundary has a carriageway in front of it and none behind it
-    why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(markings), path)
+    # A boundary has a carriageway in front of it and none behind it: what may be stone is not in front of what is behind
+    paint = [axis for axis, yes in zip(lanes, is_stone | behind, strict=True) if not yes]
+    why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, paint, path)
     edges += left_out(boundaries, "road_boundary", why)
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # What a boundary is called does not change which lines it bears out
@@ -284,8 +299,13 @@ def ends_of_carriageway(now: Joining) -> AnyArray:
     axes = axes_of_lines(lines)
     shades = np.array([_shade(line) for line in lines], dtype=np.int64)
     is_channel = ~known & (np.arange(len(lines)) < len(now.boundaries) + len(now.channels))
-    why = outweighed(axes, evidence, shades, known, is_channel, axes_of_lines(now.markings), now.path)
-    return why[~known]
+    lanes = axes_of_lines(now.markings)
+    # What carriageway lies on both sides of ends none, and outweighs nothing
+    is_inside = is_channel.copy()
+    is_inside[is_channel] = within_carriageway([axes[i] for i in np.flatnonzero(is_channel)], lanes, now.path)
+    evidence[is_inside] = 0.0
+    why = outweighed(axes, evidence, shades, known, is_channel, lanes, now.path)
+    return np.where(is_inside, DRIVEN_OVER, why)[~known]
 
 
 def _evidence(line: SmoothBoundary) -> float:

@@ -45,7 +45,6 @@ _MOST, _OFTEN = 0.5, 0.4
 #: A change of the ground is refused for what is beside it at more than this share of its stations.
 _SOME = 0.3
 # Why a boundary or a change of the ground is none of the carriageway's
-
 DRIVEN_OVER = "inside the carriageway: driven over, or paint lies close behind it"
 STRIP = "strip of another brightness, as between wheel tracks"
 DARKER = "darker outside, and nothing but brightness changes"
@@ -117,7 +116,7 @@ def outweighed(
     shades
         (m,) +1 where the line is a change of brightness alone, brighter outside, -1 where it is darker, 0 for others.
     is_known, is_channel
-        (m,) bool: boundaries that are known, which stay; and channels, of which what is known farther out is no rival.
+        (m,) bool: boundaries that are known, which stay; and channels, which yield to all but backs of footways.
     lanes, path
         Axes of markings and of the vehicle's path.
     """
@@ -135,14 +134,15 @@ def outweighed(
     # Grass, soil and stone are brighter than asphalt
     why[(why == "") & (shades < 0)] = DARKER
     why[is_known] = ""
-    # Those that weigh most first; brightness alone weighs less than any boundary that is known
+    # Those that weigh most first; brightness or a channel alone weighs less than any boundary that is known
     weighs = np.append(evidence > 0.0, np.zeros(len(every) - m, dtype=np.bool_))
-    known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_))
-    outside, known = known[n.other] & (n.across_m < 0.0), known & weighs
+    known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_)) & weighs
+    facing, edges = ~is_lane & (n.facing > 0.0), np.flatnonzero(is_known & np.isfinite(evidence))
+    faces = facing & ~(n.ends_footway & np.isin(n.other, edges))
     is_stronger = np.zeros(len(every), dtype=np.bool_)
     for i in np.lexsort((np.arange(m), -evidence)).tolist():
-        stronger = (is_stronger | known) if shades[i] else is_stronger
-        rival = (n.line == i) & ~is_lane & (n.facing > 0.0) & stronger[n.other] & ~(outside & is_channel[i])
+        stronger = (is_stronger | known) if shades[i] or is_channel[i] else is_stronger
+        rival = (n.line == i) & (faces if is_channel[i] else facing) & stronger[n.other]
         if not why[i] and not is_known[i] and share_of_stations(n, rival, every)[i] > _SOME:
             why[i] = OUTWEIGHED
         is_stronger[i] = not why[i] and weighs[i]

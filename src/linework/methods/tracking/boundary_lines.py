@@ -26,6 +26,10 @@ LEAST_BOUNDARY_M = 4.0
 LEAST_PAVEMENT_EDGE_M = 8.0
 #: Stations in a gap without a box longer than this count as bridged. [m]
 UNMEASURED_M = 1.5
+#: Chance that a channel ends its carriageway where nothing but the fall of the ground says so: lanes that drain to their
+#: middle, parking strips and drives have channels as well. The simulated roads have none of these, so that this is an
+#: estimate, kept below what overrules other lines. [1]
+CHANNEL_IS_EDGE = 0.8
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
@@ -145,6 +149,8 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
         sigma_z_m=np.hypot(line.sigma_z_m, height[1]),
     )
     confidence = confidence_of(boxes.score[box], line.sigma_xy_m)
+    if form == BoxForm.CHANNEL:
+        confidence *= CHANNEL_IS_EDGE
     return SmoothBoundary(
         line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box),
         boxes.score[box], boxes.contrast[box], boxes.rougher[box],

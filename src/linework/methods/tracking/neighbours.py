@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, IntArray, distance_along
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 
 #: Distance of the stations at which lines are compared. [m]
 AXIS_STATION_M = 2.0
@@ -19,6 +19,8 @@ _ALONG_M = 0.75 * AXIS_STATION_M
 _JUMP_M, _STANDING_M = 50.0, 1.0
 #: Positions looked at together for the next that is kept: those of some metres, at 100 a second.
 _LOOKED_AT = 32
+#: Between a boundary and another this far behind it there is room for a footway, and none for a van of 1.8 m. [m]
+_FOOTWAY_M = (1.0, 1.8)
 #: Lines count as parallel within 30 degrees: cosine.
 _PARALLEL = 0.866
 
@@ -95,6 +97,12 @@ class Neighbours:
     station: IntArray
     across_m: FloatArray
     facing: FloatArray
+
+    @property
+    def ends_footway(self) -> BoolArray:
+        """Which others stand at the back of a footway behind the line, (k,) bool: with no room for a vehicle between."""
+        is_near = (self.across_m < -_FOOTWAY_M[0]) & (self.across_m > -_FOOTWAY_M[1])
+        return np.asarray(is_near & (self.facing > 0.0))
 
 
 def find_neighbours(axes: Sequence[LineAxis], reach_m: float) -> Neighbours:
