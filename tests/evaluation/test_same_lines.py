@@ -109,6 +109,31 @@ def test_short_pieces_do_not_pull_the_registration():
     assert np.abs(registration.shift_m[:, :2]).max() < 0.05
 
 
+def test_markings_that_come_together_stay_lines_of_their_own():
+    """Where lanes end, lines of both surveys lie beside other ones for some metres; kerbs on both sides that moved stay two."""
+
+    def road(seed, end_m, shift):
+        lines = survey(seed, [(4, 100.0, 300.0, shift), (5, 100.0, 300.0, shift)])
+        together = np.clip((X - 400.0) / 150.0, 0.0, 1.0)
+        xyz = lines.xyz.reshape(6, -1, 3).copy()
+        for k in (1, 2, 3):
+            xyz[k, :, 1] += together * (float(k) - OFFSETS[k])
+        lines = lines.with_columns(xyz=xyz.reshape(-1, 3))
+        ended = [line_stretch(lines.take([k]), 0.0, end_m) for k in (1, 2, 3)]
+        return LineSet.concatenate([lines.take([0]), *ended, lines.take([4, 5])])
+
+    changes, registration = compare_epochs(road(1, 600.0, 0.0), road(2, 580.0, 0.3))
+    assert set(registration.n_lines.tolist()) == {6}
+    assert np.abs(registration.shift_m[:, 1]).max() < 0.05
+    long = [(c.status, str(c.line.id[0])) for c in changes if c.length_m > 50.0]
+    assert long == [("moved", "-5"), ("moved", "6")]
+
+
+def test_pieces_of_a_line_count_as_one():
+    old, new = survey(1, pieces=[(0, 200.0), (202.0, 400.0), (402.0, 600.0)]), survey(2)
+    assert set(compare_epochs(old, new)[1].n_lines.tolist()) == {6}
+
+
 def test_dashes_of_what_is_solid_now_are_not_gone():
     old = survey(1).with_columns(pattern=["dashed", "solid", "solid", "", "", ""])
     dashes = [

@@ -94,7 +94,7 @@ def change_probabilities(
     >>> missed = [Alone(("edge",), length, 0.9) for length in (3.0, 5.0, 4.0, 9.0, 12.0)]
     >>> for one in [Alone(("edge",), 12.0, 0.9), Alone(("rail",), 12.0, 0.9), Alone(("edge",), 90.0, 0.9)]:
     ...     print(one.levels[0], one.length_m, round(change_probabilities([*missed, one], found)[-1], 1))
-    edge 12.0 0.0
+    edge 12.0 0.2
     rail 12.0 0.4
     edge 90.0 0.9
     """

@@ -71,11 +71,19 @@ def registered(stations: EpochStations) -> Registration:
 
 
 def _features(stations: EpochStations, rows: IntArray) -> IntArray:
-    """Return the number of the line of the road at stations: pieces of it that are one line in either survey are one."""
+    """Return the number of the line of the road at stations: pieces of it that are one line in either survey are one.
+
+    Markings that come together where lanes end have a line of the other survey in common for some metres, and stay lines of
+    their own: it is one line where at least half of the shorter of both has the other.
+    """
     line, partner = stations.line[rows], stations.partner[rows]
     n = int(line.max(initial=-1)) + 1
-    size = n + int(partner.max(initial=-1)) + 1
-    pairs = coo_array((np.ones(len(rows), dtype=bool), (line, n + partner)), shape=(size, size))
+    both = np.stack([line, n + partner], axis=1)
+    size = int(both.max(initial=-1)) + 1
+    count = np.bincount(both.ravel(), minlength=size)
+    links, shared = np.unique(both, axis=0, return_counts=True)
+    links = links[2 * shared >= count[links].min(axis=1)]
+    pairs = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(size, size))
     return np.asarray(connected_components(pairs, directed=False)[1][line], dtype=np.int64)
 
 
