@@ -101,6 +101,16 @@ def test_two_lines_that_disagree_know_the_registration_as_much_less():
     assert differing(*three) == [("moved", "0", "")]
 
 
+def test_two_lines_that_disagree_in_height_know_the_registration_as_much_less():
+    old, new = (survey(seed).take([0, 4]) for seed in (1, 2))
+    xyz = new.xyz.copy()
+    xyz[: len(X), 2] += 0.2 * ((X >= 200.0) & (X <= 400.0))
+    _, registration = compare_epochs(old, new.with_columns(xyz=xyz))
+    at = (registration.cells[:, 0] + 0.5) * 25.0
+    inside, outside = (at > 260.0) & (at < 340.0), (at < 130.0) | (at > 470.0)
+    assert registration.sigma_m[inside, 1].min() > 0.05 > 0.02 > registration.sigma_m[outside, 1].max()
+
+
 def test_short_pieces_do_not_pull_the_registration():
     pieces = [(a, a + 6.0) for a in range(200, 300, 12)]
     old = LineSet.concatenate([survey(1, pieces=pieces).take(np.r_[0, 3, 5 : 5 + len(pieces)])])
