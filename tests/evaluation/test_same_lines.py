@@ -96,6 +96,29 @@ def test_a_line_is_there_unless_both_surveys_are_wrong():
     assert probability(0.3, 0.2)[0] == "unsure"
 
 
+def test_shifts_are_those_at_the_ends_that_meet():
+    """The chord of a ring says nothing of what is left of it at its ends, and that of a bend little."""
+
+    def moved(xy, across):
+        xyz = np.column_stack([xy, np.zeros(len(xy))])
+        line = LineSet.from_lines([xyz], kind="road_boundary")
+        return EpochChange("moved", line, 0.0, float(line.length_m[0]), across, 0.0, 0.01, 0.01, "")
+
+    def groups(*moves):
+        return moved_together(moves, np.zeros((0, 2)), np.zeros(0, dtype=str)).tolist()
+
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    ring = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    on = np.array([[10.0, 0.5], [10.0, 20.0]])
+    assert groups(moved(ring, 0.3), moved(on, 0.0)) == [0, 1]
+    assert groups(moved(ring, 0.3), moved(on, 0.3)) == [0, 0]
+    half, on = ring[:100], np.array([[-10.0, -1.0], [-10.0, -21.0]])
+    assert groups(moved(half, 0.3), moved(on, 0.3)) == [0, 0]
+    # Drawn the other way round, left is on the other side
+    assert groups(moved(half, 0.3), moved(on[::-1], -0.3)) == [0, 0]
+    assert groups(moved(half, 0.3), moved(on[::-1], 0.3)) == [0, 1]
+
+
 def test_a_wall_behind_a_kerb_is_another_line():
     old, new = survey(1), survey(2)
     wall = survey(1, [(4, 0.0, 600.0, -0.7)]).take([4]).with_columns(form=["barrier"], id=["wall"])
