@@ -26,6 +26,12 @@ def test_two_changes_do_not_hide_each_other():
     assert min(change_probabilities([*MISSED, *both], FOUND)[-2:]) > 0.67
 
 
+def test_a_very_long_stretch_among_very_many_short_ones_is_a_change():
+    """Chances of a miss beyond what a number can hold are still smaller than that of a change."""
+    short = [Alone(("edge",), 4.0, 1.0)] * 300
+    assert probability(Alone(("edge",), 10_000.0, 0.9), [(("edge",), 100_000.0)], short) == pytest.approx(0.9)
+
+
 def test_what_may_be_no_line_is_no_change():
     sure, unsure = (probability(Alone(("rail",), 90.0, c)) for c in (1.0, 0.5))
     assert unsure == pytest.approx(0.5 * sure)

@@ -82,6 +82,43 @@ def test_moves_are_one_only_where_nothing_between_has_stayed_and_the_shift_is_th
     assert groups() == []
 
 
+def test_a_line_is_there_unless_both_surveys_are_wrong():
+    old, new = survey(1), survey(2, [(5, 100.0, 400.0, 0.3)])
+
+    def probability(*confidence):
+        pair = [s.with_columns(confidence=c) for s, c in zip((old, new), confidence, strict=True)]
+        (change,) = compare_epochs(*pair)[0]
+        return change.status, change.probability
+
+    sure = probability(1.0, 1.0)
+    assert sure == probability(np.nan, np.nan) == ("moved", pytest.approx(1.0, abs=0.01))
+    assert probability(0.6, 0.5) == ("moved", pytest.approx(0.8 * sure[1], abs=0.001))
+    assert probability(0.3, 0.2)[0] == "unsure"
+
+
+def test_shifts_are_those_at_the_ends_that_meet():
+    """The chord of a ring says nothing of what is left of it at its ends, and that of a bend little."""
+
+    def moved(xy, across):
+        xyz = np.column_stack([xy, np.zeros(len(xy))])
+        line = LineSet.from_lines([xyz], kind="road_boundary")
+        return EpochChange("moved", line, 0.0, float(line.length_m[0]), across, 0.0, 0.01, 0.01, "")
+
+    def groups(*moves):
+        return moved_together(moves, np.zeros((0, 2)), np.zeros(0, dtype=str)).tolist()
+
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    ring = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    on = np.array([[10.0, 0.5], [10.0, 20.0]])
+    assert groups(moved(ring, 0.3), moved(on, 0.0)) == [0, 1]
+    assert groups(moved(ring, 0.3), moved(on, 0.3)) == [0, 0]
+    half, on = ring[:100], np.array([[-10.0, -1.0], [-10.0, -21.0]])
+    assert groups(moved(half, 0.3), moved(on, 0.3)) == [0, 0]
+    # Drawn the other way round, left is on the other side
+    assert groups(moved(half, 0.3), moved(on[::-1], -0.3)) == [0, 0]
+    assert groups(moved(half, 0.3), moved(on[::-1], 0.3)) == [0, 1]
+
+
 def test_a_wall_behind_a_kerb_is_another_line():
     old, new = survey(1), survey(2)
     wall = survey(1, [(4, 0.0, 600.0, -0.7)]).take([4]).with_columns(form=["barrier"], id=["wall"])
@@ -101,6 +138,16 @@ def test_two_lines_that_disagree_know_the_registration_as_much_less():
     assert differing(*three) == [("moved", "0", "")]
 
 
+def test_two_lines_that_disagree_in_height_know_the_registration_as_much_less():
+    old, new = (survey(seed).take([0, 4]) for seed in (1, 2))
+    xyz = new.xyz.copy()
+    xyz[: len(X), 2] += 0.2 * ((X >= 200.0) & (X <= 400.0))
+    _, registration = compare_epochs(old, new.with_columns(xyz=xyz))
+    at = (registration.cells[:, 0] + 0.5) * 25.0
+    inside, outside = (at > 260.0) & (at < 340.0), (at < 130.0) | (at > 470.0)
+    assert registration.sigma_m[inside, 1].min() > 0.05 > 0.02 > registration.sigma_m[outside, 1].max()
+
+
 def test_short_pieces_do_not_pull_the_registration():
     pieces = [(a, a + 6.0) for a in range(200, 300, 12)]
     old = LineSet.concatenate([survey(1, pieces=pieces).take(np.r_[0, 3, 5 : 5 + len(pieces)])])
@@ -109,7 +156,33 @@ def test_short_pieces_do_not_pull_the_registration():
     assert np.abs(registration.shift_m[:, :2]).max() < 0.05
 
 
-def test_dashes_of_what_is_solid_now_are_not_gone():
+def test_markings_that_come_together_stay_lines_of_their_own():
+    """Where lanes end, lines of both surveys lie beside other ones for some metres; kerbs on both sides that moved stay two."""
+
+    def road(seed, end_m, shift):
+        lines = survey(seed, [(4, 100.0, 300.0, shift), (5, 100.0, 300.0, shift)])
+        together = np.clip((X - 400.0) / 150.0, 0.0, 1.0)
+        xyz = lines.xyz.reshape(6, -1, 3).copy()
+        for k in (1, 2, 3):
+            xyz[k, :, 1] += together * (float(k) - OFFSETS[k])
+        lines = lines.with_columns(xyz=xyz.reshape(-1, 3))
+        ended = [line_stretch(lines.take([k]), 0.0, end_m) for k in (1, 2, 3)]
+        return LineSet.concatenate([lines.take([0]), *ended, lines.take([4, 5])])
+
+    changes, registration = compare_epochs(road(1, 600.0, 0.0), road(2, 580.0, 0.3))
+    assert set(registration.n_lines.tolist()) == {6}
+    assert np.abs(registration.shift_m[:, 1]).max() < 0.05
+    long = [(c.status, str(c.line.id[0])) for c in changes if c.length_m > 50.0]
+    assert long == [("moved", "-5"), ("moved", "6")]
+
+
+def test_pieces_of_a_line_count_as_one():
+    old, new = survey(1, pieces=[(0, 200.0), (202.0, 400.0), (402.0, 600.0)]), survey(2)
+    assert set(compare_epochs(old, new)[1].n_lines.tolist()) == {6}
+
+
+@pytest.mark.parametrize("pattern", ["solid", "solid_solid"])
+def test_dashes_of_what_is_solid_now_are_not_gone(pattern):
     old = survey(1).with_columns(pattern=["dashed", "solid", "solid", "", "", ""])
     dashes = [
         line_stretch(old.take([0]), s, s + 3.0).with_columns(
@@ -124,18 +197,48 @@ def test_dashes_of_what_is_solid_now_are_not_gone():
     whats = [c.what for c in compare_epochs(both, worn)[0]]
     assert whats == ["6 dashes gone"]
     solid = LineSet.concatenate(
-        [survey(2).with_columns(pattern=["solid"] * 3 + [""] * 3), *dashes[:20], *dashes[26:]]
+        [survey(2).with_columns(pattern=[pattern, "solid", "solid", "", "", ""]), *dashes[:20], *dashes[26:]]
     )
     whats = [c.what for c in compare_epochs(both, solid)[0]]
-    assert whats == ["pattern dashed to solid"]
+    assert whats == [f"pattern dashed to {pattern}"]
 
 
-@pytest.mark.parametrize("end_m", [6.0])
-def test_another_pattern_at_the_end_of_a_marking_is_unsure(end_m):
-    old = survey(1).with_columns(pattern=["dashed", "solid", "solid", "", "", ""])
-    first = line_stretch(survey(2).take([0]), 0.0, end_m).with_columns(id=["end"], pattern=["solid"])
-    rest = line_stretch(survey(2).take([0]), end_m + 2.0, 600.0).with_columns(pattern=["dashed"])
-    others = survey(2).take(np.arange(1, 6)).with_columns(pattern=["solid", "solid", "", "", ""])
-    changes = compare_epochs(old, LineSet.concatenate([first, rest, others]))[0]
-    assert all(c.status in ("unsure", "changed") for c in changes)
-    assert all(c.probability < 1.0 for c in changes)
+@pytest.mark.parametrize("pattern", ["", "solid_dashed", "dashed_solid", "dashed_dashed"])
+def test_dashes_beside_a_solid_stripe_may_be_gone(pattern):
+    old, new = (
+        s.with_columns(pattern=[pattern, "solid", "solid", "", "", ""]) for s in (survey(1), survey(2))
+    )
+    dashes = [
+        line_stretch(old.take([0]), s, s + 3.0).with_columns(
+            kind=["lane_marking_dash"], id=[f"d{s}"], pattern=[""]
+        )
+        for s in range(6, 590, 9)
+    ]
+    worn = LineSet.concatenate([new, *dashes[:20], *dashes[26:]])
+    assert [c.what for c in compare_epochs(LineSet.concatenate([old, *dashes]), worn)[0]] == ["6 dashes gone"]
+
+
+def other_patterns(*stretches):
+    """Return two surveys: in the new one, stretches (line, from, to) of three dashed markings are solid ones."""
+    old = survey(1).with_columns(pattern=["dashed"] * 3 + [""] * 3)
+    rows = []
+    for k in range(3):
+        own = sorted((a, b) for line, a, b in stretches if line == k)
+        marking = survey(2).take([k])
+        for start, end in zip([0.0, *(b for _, b in own)], [*(a for a, _ in own), 600.0], strict=True):
+            if end - start > 2.0:
+                piece = line_stretch(marking, start + 1.0 * (start > 0), end - 1.0 * (end < 600))
+                rows.append(piece.with_columns(pattern=["dashed"]))
+        rows += [line_stretch(marking, a, b).with_columns(pattern=["solid"]) for a, b in own]
+    edges = survey(2).take([3, 4, 5])
+    return old, LineSet.concatenate([*rows, edges])
+
+
+def test_another_pattern_for_some_metres_is_unsure_where_that_happens_and_else_a_change():
+    (alone,) = compare_epochs(*other_patterns((0, 0.0, 6.0)))[0]
+    assert (alone.status, alone.what) == ("changed", "pattern dashed to solid")
+    several = compare_epochs(*other_patterns(*((k % 3, 60.0 * k, 60.0 * k + 6.0) for k in range(8))))[0]
+    assert [(c.status, c.what) for c in several] == [("unsure", "pattern dashed to solid")] * 8
+    among = [*((k % 3, 60.0 * k, 60.0 * k + 6.0) for k in range(8)), (1, 480.0, 600.0)]
+    long = [c for c in compare_epochs(*other_patterns(*among))[0] if c.length_m > 50.0]
+    assert [c.status for c in long] == ["changed"]

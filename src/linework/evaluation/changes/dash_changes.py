@@ -35,7 +35,8 @@ def dash_runs(lines: LineSet, other: LineSet) -> list[tuple[int, float, float, i
     markings = np.flatnonzero(lines.kind == "lane_marking")
     own, others = (s.take(s.kind == "lane_marking_dash") for s in (lines, other))
     # What is solid in the other survey is another pattern, whose dashes are neither gone nor new
-    has_marking = other.take((other.kind == "lane_marking") & (other.pattern != "solid"))
+    may_have_dashes = (other.pattern == "") | (np.char.find(other.pattern.astype(str), "dashed") >= 0)
+    has_marking = other.take((other.kind == "lane_marking") & may_have_dashes)
     if not len(own) or not len(markings) or not len(has_marking):
         return []
     middle, half = _middles(own)

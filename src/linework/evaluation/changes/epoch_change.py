@@ -84,7 +84,13 @@ def stretches_of(
     return found
 
 
+def existence_of(lines: LineSet, i: int) -> float:
+    """Return the probability that there is such a line at all; one that states no confidence is there."""
+    confidence = float(lines.confidence[i])
+    return 1.0 if math.isnan(confidence) else confidence
+
+
 def levels_of(lines: LineSet, i: int, *survey: str) -> tuple[str, ...]:
     """Return the classes of a line by which lines are missed, from the widest to the narrowest."""
-    sure = str(int(np.searchsorted(_CONFIDENCES, lines.confidence[i])))
+    sure = str(int(np.searchsorted(_CONFIDENCES, existence_of(lines, i))))
     return str(lines.kind[i]), f"{lines.form[i]} {lines.pattern[i]}", *survey, sure

@@ -16,7 +16,7 @@ from linework.errors import CrsError
 from linework.evaluation.chainage.paint_changes import paint_changes
 from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.changes.dash_changes import dash_runs
-from linework.evaluation.changes.epoch_change import EpochChange, levels_of, stretches_of
+from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
 from linework.evaluation.changes.epoch_stations import EpochStations, epoch_stations
 from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_probabilities
 from linework.evaluation.changes.registration import Registration, placed, registered
@@ -131,7 +131,7 @@ def _found_alone(
                     key = side, i, int(n_both[first[i] + round(change.from_m / STATION_M)])
                     stretches.append((key, change))
                     length_m = change.length_m + (alone[key].length_m if key in alone else 0.0)
-                    alone[key] = Alone(levels, length_m, float(lines.confidence[i]))
+                    alone[key] = Alone(levels, length_m, existence_of(lines, i))
     found: list[list[list[EpochChange]]] = [[[] for _ in range(n)] for *_, n in surveys]
     chance = dict(zip(alone, change_probabilities(list(alone.values()), found_m), strict=True))
     for key, change in stretches:

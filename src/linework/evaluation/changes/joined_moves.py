@@ -38,38 +38,39 @@ def moved_together(moves: Sequence[EpochChange], still: FloatArray, kinds: AnyAr
     Two stretches of one kind are one move where the second goes on where the first points, no farther off than the longer
     of both is long, with the same shift within its deviations, and nothing of that kind between them has stayed.
     """
-    k = len(moves)
-    if not k:
+    n = len(moves)
+    if not n:
         return np.zeros(0, dtype=np.int64)
-    trees = {str(k): shapely.STRtree(shapely.points(still[kinds == k])) for k in np.unique(kinds)}
+    trees = {str(name): shapely.STRtree(shapely.points(still[kinds == name])) for name in np.unique(kinds)}
     ends = np.array([one.line.xyz[[0, -1], :2] for one in moves])
-    chord = ends[:, 1] - ends[:, 0]
-    way = chord / np.maximum(np.linalg.norm(chord, axis=1, keepdims=True), 1e-9)
-    left = np.column_stack([-way[:, 1], way[:, 0]])
-    shift = np.column_stack(
-        [np.array([one.across_m for one in moves])[:, None] * left, [one.up_m for one in moves]]
-    )
-    sigma = np.array([[one.sigma_across_m, one.sigma_across_m, one.sigma_up_m] for one in moves])
     heading = np.array([_headings(one.line.xyz[:, :2]) for one in moves])
+    across = np.array([one.across_m for one in moves])
+    up = np.array([one.up_m for one in moves])
+    sigma = np.array([[one.sigma_across_m, one.sigma_up_m] for one in moves])
     length = np.array([one.length_m for one in moves])
     kind = np.array([str(one.line.kind[0]) for one in moves])
-    joined = np.eye(k, dtype=bool)
-    for i in range(k - 1):
+    joined = np.eye(n, dtype=bool)
+    for i in range(n - 1):
         others = i + 1 + np.flatnonzero(kind[i + 1 :] == kind[i])
-        away = np.abs(shift[others] - shift[i])
-        is_same = np.all(away <= _SAME_DEVIATIONS * np.hypot(sigma[others], sigma[i]), axis=1)
-        for j in others[is_same].tolist():
-            between = ends[j][None, :] - ends[i][:, None]
-            gap = np.linalg.norm(between, axis=2)
-            a, b = np.unravel_index(int(np.argmin(gap)), (2, 2))
+        # The two ends that are nearest to each other, and the shift there: left is left of where each line goes
+        apart = np.linalg.norm(ends[others][:, None] - ends[i][None, :, None], axis=3).reshape(-1, 4)
+        near, away_m = np.argmin(apart, axis=1), apart.min(axis=1, initial=np.inf)
+        same_way = np.where(np.sum(heading[i, near // 2] * heading[others, near % 2], axis=1) < 0, -1.0, 1.0)
+        off = np.abs(np.column_stack([same_way * across[others] - across[i], up[others] - up[i]]))
+        is_same = np.all(off <= _SAME_DEVIATIONS * np.hypot(sigma[others], sigma[i]), axis=1)
+        is_near = away_m <= np.maximum(length[i], length[others])
+        for j, meets, way in zip(
+            *(v[is_same & is_near].tolist() for v in (others, near, same_way)), strict=True
+        ):
+            a, b = meets // 2, meets % 2
+            between = ends[j, b] - ends[i, a]
             # Along an arc the way from end to end is that of both ends on average
-            ahead = heading[i, a] + np.sign(float(heading[i, a] @ heading[j, b])) * heading[j, b]
-            across = ahead[0] * between[a, b, 1] - ahead[1] * between[a, b, 0]
-            beside = abs(float(across)) / max(float(np.linalg.norm(ahead)), 1e-9)
-            if gap[a, b] > max(length[i], length[j]) or beside > _GOES_ON_M:
+            ahead = heading[i, a] + way * heading[j, b]
+            beside = float(ahead[0] * between[1] - ahead[1] * between[0])
+            if abs(beside) > _GOES_ON_M * max(float(np.linalg.norm(ahead)), 1e-9):
                 continue
             # A little short of both ends, where what has not moved begins at once
-            line = shapely.linestrings(ends[i][a] + np.array([[0.02], [0.98]]) * between[a, b])
+            line = shapely.linestrings(ends[i, a] + np.array([[0.02], [0.98]]) * between)
             tree = trees.get(kind[i])
             joined[i, j] = tree is None or not len(tree.query(line, predicate="dwithin", distance=_GOES_ON_M))
     return np.asarray(connected_components(coo_array(joined), directed=False)[1], dtype=np.int64)

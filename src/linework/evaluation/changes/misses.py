@@ -19,6 +19,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from scipy.special import expit
+
 from linework.lines.crosscuts import STATION_M
 
 #: Shorter stretches are not looked at. [m]
@@ -92,7 +94,7 @@ def change_probabilities(
     >>> missed = [Alone(("edge",), length, 0.9) for length in (3.0, 5.0, 4.0, 9.0, 12.0)]
     >>> for one in [Alone(("edge",), 12.0, 0.9), Alone(("rail",), 12.0, 0.9), Alone(("edge",), 90.0, 0.9)]:
     ...     print(one.levels[0], one.length_m, round(change_probabilities([*missed, one], found)[-1], 1))
-    edge 12.0 0.0
+    edge 12.0 0.2
     rail 12.0 0.4
     edge 90.0 0.9
     """
@@ -139,7 +141,7 @@ def _first_guess(alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...]
         # From the shortest on, each as a miss by what those before it are, against a change
         odds = [0.0]
         for i in own:
-            odds.append(odds[-1] + math.log(_missed(alone[i], classes) / _changed(alone[i])))
+            odds.append(odds[-1] + _log_missed(alone[i], classes) - _log_changed(alone[i]))
             _add(classes, alone[i], 1.0)
         for i in own[odds.index(max(odds)) :]:
             chance[i] = 1.0
@@ -164,19 +166,21 @@ def _beyond_m(one: Alone) -> float:
 
 def _probability(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
     """Return the probability of a change by what all others are."""
-    changed, missed = _changed(one), _missed(one, classes)
-    return changed / (changed + missed)
+    return float(expit(_log_changed(one) - _log_missed(one, classes)))
 
 
-def _changed(one: Alone) -> float:
-    """Return how often changes of this length begin in a metre, by metre of length."""
-    return 1.0 / (
+def _log_changed(one: Alone) -> float:
+    """Return the logarithm of how often changes of this length begin in a metre, by metre of length."""
+    return -math.log(
         max(one.length_m, LEAST_STRETCH_M) * math.log(_LONGEST_CHANGE_M / LEAST_STRETCH_M) * _CHANGE_EVERY_M
     )
 
 
-def _missed(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
-    """Return how often misses of this length begin in a metre of such a line, by metre of length, by what all others are."""
+def _log_missed(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
+    """Return the logarithm of how often misses of this length begin in a metre, by metre of length, by what all others are.
+
+    A long stretch among very many short ones is so rarely missed that only the logarithm can tell.
+    """
     rate, mean_m, shape = 0.0, _MISSED_M, _AS_TWO
     for k in range(len(one.levels) + 1):
         # Of a class above, what is not of the class below: no case counts twice
@@ -194,4 +198,4 @@ def _missed(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
         shape = _AS_TWO + n
         mean_m = (mean_m * (_AS_TWO - 1.0) + sum_m) / (shape - 1.0)
     scale_m = mean_m * (shape - 1.0)
-    return rate * shape / scale_m * math.exp(-(shape + 1.0) * math.log1p(_beyond_m(one) / scale_m))
+    return math.log(rate * shape / scale_m) - (shape + 1.0) * math.log1p(_beyond_m(one) / scale_m)

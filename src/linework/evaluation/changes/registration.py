@@ -71,11 +71,19 @@ def registered(stations: EpochStations) -> Registration:
 
 
 def _features(stations: EpochStations, rows: IntArray) -> IntArray:
-    """Return the number of the line of the road at stations: pieces of it that are one line in either survey are one."""
+    """Return the number of the line of the road at stations: pieces of it that are one line in either survey are one.
+
+    Markings that come together where lanes end have a line of the other survey in common for some metres, and stay lines of
+    their own: it is one line where at least half of the shorter of both has the other.
+    """
     line, partner = stations.line[rows], stations.partner[rows]
     n = int(line.max(initial=-1)) + 1
-    size = n + int(partner.max(initial=-1)) + 1
-    pairs = coo_array((np.ones(len(rows), dtype=bool), (line, n + partner)), shape=(size, size))
+    both = np.stack([line, n + partner], axis=1)
+    size = int(both.max(initial=-1)) + 1
+    count = np.bincount(both.ravel(), minlength=size)
+    links, shared = np.unique(both, axis=0, return_counts=True)
+    links = links[2 * shared >= count[links].min(axis=1)]
+    pairs = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(size, size))
     return np.asarray(connected_components(pairs, directed=False)[1][line], dtype=np.int64)
 
 
@@ -102,16 +110,20 @@ def _cell(
         # Least absolute deviations: a kerb that was moved does not pull
         factor = np.asarray(sigma / np.maximum(np.abs(d - A @ found), 0.2 * sigma), dtype=np.float64)
     # Lines that disagree more than they state know the shift as much less; few that were moved among many say nothing of it
-    residual = np.abs(np.bincount(inverse, weights=d - A @ found) / count)
-    scale = max(1.4826 * _weighted_median(residual, share) / sigma, 1.0)
+    scale = _disagreement(np.bincount(inverse, weights=d - A @ found) / count, share, sigma)
     covariance = np.linalg.inv(A.T @ ((weight / (scale * sigma) ** 2)[:, None] * A) + prior)
     across = float(np.sqrt(np.mean(np.einsum("ij,jk,ik->i", A, covariance, A))))
-    means = [float(np.median(up[inverse == k])) for k in range(len(number))]
-    rise = _weighted_median(np.array(means), share)
-    sigma_up = float(np.sqrt(np.mean(stations.sigma_m[rows, 1] ** 2))) * math.sqrt(
-        math.pi / 2 / float(share.sum())
-    )
+    means = np.array([float(np.median(up[inverse == k])) for k in range(len(number))])
+    rise = _weighted_median(means, share)
+    sigma_z = float(np.sqrt(np.mean(stations.sigma_m[rows, 1] ** 2)))
+    scale_z = _disagreement(means - rise, share, sigma_z)
+    sigma_up = scale_z * sigma_z * math.sqrt(math.pi / 2 / float(share.sum()))
     return np.array([found[0], found[1], rise]), float(found[2]), np.array([across, sigma_up]), len(number)
+
+
+def _disagreement(residual: FloatArray, share: FloatArray, sigma: float) -> float:
+    """Return how many times their deviation lines (n,) are off, 1 at least: few that have moved among many count little."""
+    return max(1.4826 * _weighted_median(np.abs(residual), share) / sigma, 1.0)
 
 
 def _weighted_median(values: FloatArray, weight: FloatArray) -> float:

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import BoolArray, IntArray
-from linework.evaluation.changes.epoch_change import EpochChange, levels_of, stretches_of
+from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
 from linework.evaluation.changes.epoch_stations import EpochStations
 from linework.evaluation.changes.joined_moves import moved_together
 from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_probabilities
@@ -122,14 +122,16 @@ def changes_of_same(
     # Moves and each sort of change have their own chances
     for sort in sorted({_sort_of(change) for changes in found for change in changes}):
         cases = [(i, k) for i in range(n) for k, one in enumerate(found[i]) if _sort_of(one) == sort]
-        differs = [_within(stations, i, found[i][k]) & measured for i, k in cases]
-        lengths_m = [STATION_M * float(here.sum()) for here in differs]
+        differs = [_within(stations, i, found[i][k]) for i, k in cases]
+        lengths_m = [STATION_M * float(measured[here].sum()) for here in differs]
         left_m = both_m.astype(np.float64)
         for (i, _), length_m in zip(cases, lengths_m, strict=True):
             left_m[i] = max(left_m[i] - length_m, 0.0)
         group = np.arange(len(cases))
         if not sort:
-            still = measured & ~np.any(differs, axis=0)
+            still = measured.copy()
+            for here in differs:
+                still[here] = False
             group = moved_together(
                 [found[i][k] for i, k in cases], stations.xyz[still, :2], old.kind[stations.line[still]]
             )
@@ -146,10 +148,14 @@ def changes_of_same(
     return found
 
 
-def _within(stations: EpochStations, i: int, change: EpochChange) -> BoolArray:
+def _within(stations: EpochStations, i: int, change: EpochChange) -> slice:
     """Return which stations a change of a line is at."""
-    along = stations.along_m
-    return np.asarray((stations.line == i) & (along >= change.from_m) & (along <= change.to_m))
+    first, end = np.searchsorted(stations.line, [i, i + 1]).tolist()
+    along_m = stations.along_m[first:end]
+    return slice(
+        first + int(np.searchsorted(along_m, change.from_m, side="left")),
+        first + int(np.searchsorted(along_m, change.to_m, side="right")),
+    )
 
 
 def _sort_of(change: EpochChange) -> str:
@@ -158,9 +164,10 @@ def _sort_of(change: EpochChange) -> str:
 
 
 def _confidence(old: LineSet, new: LineSet, stations: EpochStations, i: int) -> float:
-    """Return the probability that there is a line at all that both surveys found: one of both is enough."""
-    partners = stations.partner[(stations.line == i) & (stations.partner >= 0)]
-    return max(float(old.confidence[i]), float(new.confidence[partners].max(initial=0.0)))
+    """Return the probability that there is a line at all that both surveys found: that not both are wrong."""
+    partners = np.unique(stations.partner[(stations.line == i) & (stations.partner >= 0)])
+    in_new = max((existence_of(new, k) for k in partners.tolist()), default=0.0)
+    return 1.0 - (1.0 - existence_of(old, i)) * (1.0 - in_new)
 
 
 def _moved(
