@@ -98,13 +98,7 @@ def change_probabilities(
     rail 12.0 0.4
     edge 90.0 0.9
     """
-    classes: dict[tuple[str, ...], _Class] = defaultdict(_Class)
-    for levels, metres in found_m:
-        for k in range(len(levels) + 1):
-            classes[levels[:k]].found_m += metres
-    for one in alone:
-        for k in range(len(one.levels) + 1):
-            classes[one.levels[:k]].found_m += one.length_m
+    classes = _classes_of(alone, found_m)
     chance = _first_guess(alone, found_m)
     for one, p in zip(alone, chance, strict=True):
         _add(classes, one, 1.0 - p)
@@ -120,6 +114,17 @@ def change_probabilities(
     return [one.confidence * p for one, p in zip(alone, chance, strict=True)]
 
 
+def _classes_of(
+    alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...], float]]
+) -> dict[tuple[str, ...], _Class]:
+    """Return the classes of all lines by their levels, with their lengths and without misses."""
+    classes: dict[tuple[str, ...], _Class] = defaultdict(_Class)
+    for levels, metres in [*found_m, *((one.levels, one.length_m) for one in alone)]:
+        for k in range(len(levels) + 1):
+            classes[levels[:k]].found_m += metres
+    return classes
+
+
 def _first_guess(alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...], float]]) -> list[float]:
     """Return 1 for what are changes, else 0: of each widest class the longest, as many as make all together likeliest.
 
@@ -128,13 +133,7 @@ def _first_guess(alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...]
     """
     chance = [0.0] * len(alone)
     for kind in sorted({one.levels[:1] for one in alone}):
-        classes: dict[tuple[str, ...], _Class] = defaultdict(_Class)
-        for levels, metres in found_m:
-            for k in range(len(levels) + 1):
-                classes[levels[:k]].found_m += metres
-        for one in alone:
-            for k in range(len(one.levels) + 1):
-                classes[one.levels[:k]].found_m += one.length_m
+        classes = _classes_of(alone, found_m)
         own = sorted(
             (i for i, one in enumerate(alone) if one.levels[:1] == kind), key=lambda i: alone[i].length_m
         )
