@@ -288,3 +288,16 @@ def test_carriageway_and_footway_that_fall_to_their_common_edge_meet_in_a_channe
 def test_slopes_crowns_bows_and_low_kerbs_are_no_channels(height_m):
     off, _ = channels(np.random.default_rng(32), height_m)
     assert len(off) <= 2
+
+
+@pytest.mark.parametrize(("fall", "bumps_m"), [(0.4, 0.03), (0.6, 0.02), (0.6, 0.03)])
+def test_a_pavement_above_a_steep_verge_has_its_edge(fall, bumps_m):
+    # The mean slope there is that of neither side: a facet across the edge has more of it than the road's
+    rng = np.random.default_rng(11)
+    u, v = rng.uniform(0, 20, 60_000), rng.uniform(-3, 5, 60_000)
+    bumps = np.clip(-v / 0.1, 0, 1) * bumps_m * np.abs(np.sin(31 * u + 17 * v) * np.sin(29 * v - 13 * u))
+    h = np.where(v < 0, fall * v + bumps, 0.025 * v) + rng.normal(0, 0.002, len(u))
+    boxes = boxes_of(turned(np.column_stack([u, v, h]), 30.0))
+    edges = boxes.take((boxes.form == BoxForm.EDGE) | (boxes.form == BoxForm.KERB))
+    off, _ = across(edges, 30.0)
+    assert np.count_nonzero(np.abs(off) < 0.10) >= 30  # about two in every metre

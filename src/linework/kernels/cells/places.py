@@ -68,6 +68,9 @@ def floor_near(
 ) -> tuple[float, float]:
     """Choose the smoothest facet with the road's slope within the search area, and write its plane.
 
+    Facets that are smooth enough for a floor come first: beside a steep verge, one across the edge may have more of the
+    mean slope there than the road has.
+
     Parameters
     ----------
     facets, span
@@ -84,7 +87,7 @@ def floor_near(
     noise, usual
         Rms distance of the facet, negative without any, and that of the smoothest facets around. [m]
     """
-    best, noise, usual = 1e9, -1.0, 0.0
+    best, noise, usual, is_floor = 1e9, -1.0, 0.0, False
     n_cols, n_rows = span[SPAN_COLS] // 2, span[SPAN_ROWS] // 2
     c0 = int(np.floor(x / BOX_CELL_M)) - span[SPAN_WEST] // 2
     r0 = int(np.floor(y / BOX_CELL_M)) - span[SPAN_SOUTH] // 2
@@ -96,8 +99,9 @@ def floor_near(
             # A facet across a step is tilted as well as rough: the tilt counts over half of its width
             tilt = (f[FACET_EAST] - slope[0]) ** 2 + (f[FACET_NORTH] - slope[1]) ** 2
             cost = f[FACET_RMS] ** 2 + _TILT_LEVER_M**2 * tilt
-            if cost < best:
-                best, noise, usual = cost, f[FACET_RMS], f[FACET_SMOOTHEST]
+            smooth = bool(f[FACET_RMS] <= max(ROUGHER_FLOOR * f[FACET_SMOOTHEST], SMOOTH_FLOOR_M))
+            if (smooth and not is_floor) or (cost < best and smooth == is_floor):
+                best, noise, usual, is_floor = cost, f[FACET_RMS], f[FACET_SMOOTHEST], smooth
                 dx = x - (span[SPAN_WEST] // 2 + c + 0.5) * BOX_CELL_M
                 dy = y - (span[SPAN_SOUTH] // 2 + r + 0.5) * BOX_CELL_M
                 plane[PLANE_HEIGHT] = f[FACET_HEIGHT] + f[FACET_EAST] * dx + f[FACET_NORTH] * dy
