@@ -12,6 +12,8 @@ from __future__ import annotations
 CALLED_WITH = """
 boundaries.boundary_boxes.boxes_in_cells = paint boundaries
     boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C!) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) (f8,f8,f8,f8)
+boundaries.evenness.unevenness_beside = paint boundaries
+    f8:2C i8:1C f8:2C
 cables.catenary.derivatives = cables
     f8 f8 f8
 cables.catenary.fit = cables

@@ -65,6 +65,10 @@ class BoxSet(Columns):
     rougher
         (n,) float64 [ratio]: noise of the ground above a kerb's step over that of the floor below it, so the scanner's
         noise and the survey's own roughness cancel; NaN for other forms.
+    uneven_m2, uneven_right_m2
+        (n,) float64 [m2]: variance of the ground's own unevenness on the left and on the right of a boundary, over some
+        metres and beyond the noise of the points, which may make it negative; NaN where it is not known, for kerbs and
+        for barriers.
     n_points
         (n,) int64: number of points that the reference line was measured from.
     time_start_s, time_end_s
@@ -84,6 +88,8 @@ class BoxSet(Columns):
     top_v_m: FloatArray = filled_column(np.float64, np.nan)
     contrast: FloatArray = filled_column(np.float64, np.nan)
     rougher: FloatArray = filled_column(np.float64, np.nan)
+    uneven_m2: FloatArray = filled_column(np.float64, np.nan)
+    uneven_right_m2: FloatArray = filled_column(np.float64, np.nan)
     n_points: AnyArray = filled_column(np.int64, 0)
     time_start_s: FloatArray = filled_column(np.float64, np.nan)
     time_end_s: FloatArray = filled_column(np.float64, np.nan)

@@ -17,7 +17,7 @@ from linework.simulation.simulate import simulate_survey
 @pytest.fixture(scope="module")
 def found():
     """The lines of a country road between parallel edges: without candidates, with them, of boundaries alone."""
-    survey = simulate_survey("rural", 931, 60.0, points_per_m=3000.0)
+    survey = simulate_survey("rural", 932, 60.0, points_per_m=3000.0)
     tile = whole_tile(tile_of(survey.points, survey.trajectory))
     context = context_of_tile(tile)
     boxes = Obb().look(tile)

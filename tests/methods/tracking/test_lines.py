@@ -19,13 +19,13 @@ from linework.methods.tracking.arrangement import (
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
-    facing,
     has_road_behind,
     is_double,
     outweighed,
     paint_forms,
     roles,
 )
+from linework.methods.tracking.boundary_lines import facing
 from linework.methods.tracking.neighbours import LineAxis, places_apart
 from linework.methods.tracking.pattern import (
     find_rhythm,

@@ -246,7 +246,7 @@ def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
             s[:] = 0.0
             for i in range(max(r - ring, 0), min(r + ring + 2, n_rows)):
                 for j in range(max(c - ring, 0), min(c + ring + 2, n_cols)):
-                    _add_shifted(s, sums[i * n_cols + j], (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
+                    add_shifted(s, sums[i * n_cols + j], (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
             if s[SUM_N] >= FACET_POINTS:
                 break
         if s[SUM_N] >= FACET_POINTS:
@@ -280,7 +280,7 @@ def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _add_shifted(s: FloatArray, t: FloatArray, dx: float, dy: float) -> None:
+def add_shifted(s: FloatArray, t: FloatArray, dx: float, dy: float) -> None:
     """Add to sums `s` those of a cell, `t`, taken about a centre at (dx, dy) [m]."""
     n = t[SUM_N]
     if n == 0.0:

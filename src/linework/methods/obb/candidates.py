@@ -26,6 +26,7 @@ KERB_BED = "gutter or bed of a kerb beside it"
 BEHIND = "behind a boundary of the carriageway"
 PIECE = "runs along a line: a piece of it"
 FAINT = "too faint for paint that stands alone"
+OPEN_LAND = "ground as uneven as open land where the carriageway would be"
 UNSURE = "taken, but less likely true than false"
 
 

@@ -16,9 +16,11 @@ from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.boundaries.change_boxes import GAIN_SCALE
 from linework.methods.obb.candidates import (
     BEHIND,
+    EVEN,
     FAINT,
     KERB_BED,
     KERB_STONE,
+    OPEN_LAND,
     PIECE,
     Candidate,
     candidate_lines,
@@ -40,7 +42,6 @@ from linework.methods.tracking.arrangement import (
     beside_kerb,
     between_kerbs,
     bounds_carriageway,
-    facing,
     has_road_behind,
     is_double,
     outweighed,
@@ -69,7 +70,7 @@ WIDEST_BAR_M = 1.0
 #: their line). [m]
 HALF_LANE_M = (1.2, 2.2)
 #: Edges that were not taken for these reasons may have a role beside a boundary.
-MAY_HAVE_ROLE = (KERB_BED, GUTTER, HIDDEN, NOTHING_IN_FRONT, OUTWEIGHED)
+MAY_HAVE_ROLE = (KERB_BED, GUTTER, HIDDEN, NOTHING_IN_FRONT, OUTWEIGHED, OPEN_LAND)
 #: Kerb stones are brighter than asphalt and up to 0.3 m wide: stripes so far behind a kerb's foot are not paint, nor
 #: those this near in front of it, as paint keeps clear of the foot. [m]
 KERB_STONE_M, ON_FOOT_M = 0.45, 0.04
@@ -162,7 +163,7 @@ def find_changes(now: Joining) -> Joining:
     for form, known in ((BoxForm.CHANNEL, now.kerbs), (BoxForm.CHANGE, now.boundaries)):
         boxes = now.boxes[form]
         boxes = boxes.take(~beside_kerb(boxes, axes_of_lines(known), -KERB_SIDE_M, KERB_SIDE_M))
-        now, lines = _boundaries(now, facing(boxes, now.path))
+        now, lines = _boundaries(now, boundary_lines.facing(boxes, now.path))
         found.append(lines)
     return replace(now, channels=found[0], changes=found[1])
 
@@ -225,11 +226,12 @@ def keep_consistent(now: Joining) -> Joining:
     known, n_channels = len(now.boundaries), np.count_nonzero(why[: len(now.channels)] == "")
     changes = [line for line, reason in zip(changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
+    off_road = np.array([b.on_road < EVEN for b in boundaries], dtype=np.bool_)
     is_change = np.arange(len(boundaries)) >= known
     is_channel = is_change & (np.arange(len(boundaries)) < known + n_channels)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
     is_sure = is_kerb | np.array(
-        [b.confidence >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
+        [b.confidence * b.on_road >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
     )
     # A channel alone takes no paint, nor does that on its gutter stones take it: what is farther behind was weighed
     takes_paint = is_sure & ~is_channel
@@ -243,7 +245,7 @@ def keep_consistent(now: Joining) -> Joining:
     width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
     # What bounds no carriageway, whatever paint there is, does not say what is behind one
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(now.markings), path)
-    bounds = is_sure & (why == "")
+    bounds = is_sure & (why == "") & ~off_road
     lanes = axes_of_lines(now.markings)
     behind, is_stone = (
         behind_boundaries(
@@ -256,6 +258,7 @@ def keep_consistent(now: Joining) -> Joining:
     # A boundary has a carriageway in front of it and none behind it: what may be stone is not in front of what is behind
     paint = [axis for axis, yes in zip(lanes, is_stone | behind, strict=True) if not yes]
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, paint, path)
+    why = np.where((why == "") & off_road, OPEN_LAND, why)
     edges += left_out(boundaries, "road_boundary", why)
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # What a boundary is called does not change which lines it bears out

@@ -16,6 +16,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels.boundaries import boundary_boxes as kernels
+from linework.kernels.boundaries.evenness import unevenness_beside
 from linework.kernels.boundaries.profiles import FloorCells, FloorLimits
 from linework.kernels.cells import floor, places
 from linework.kernels.cells.bins import steps_to_set
@@ -131,15 +132,17 @@ def find_boundary_boxes(
     # Points near the ground; planes of their cells
     origin = local_origin_of(tile)
     base = FloorPoints.of(tile.points, surface, origin)
-    rows = []
+    parts = []
     for core in cores or (tile.core,):
         local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
         # In every cell: the line where floor and face of a kerb meet, or the edge from smooth to rough
         found = kernels.boxes_in_cells(base.data, base.ground, base.times, kernel_settings(config), local)
         # A cell on the border of two parts is searched for both
         kept = holds(core, found[:, [places.BOX_X, places.BOX_Y]] + origin[:2]) if cores else slice(None)
-        rows.append(found[kept])
-    return boundary_box_set(np.concatenate(rows))
+        parts.append(found[kept])
+    rows = np.concatenate(parts)
+    # Beside edges: how even the ground is that may be the carriageway's
+    return boundary_box_set(rows, unevenness_beside(base.data.sums, base.data.span, rows))
 
 
 def local_origin_of(tile: TileData) -> tuple[float, float, float]:
@@ -156,8 +159,8 @@ def kernel_settings(c: BoundaryConfig) -> FloorLimits:
     return FloorLimits(c.min_step_m, steepest, c.max_step_m, c.max_noise_m, float(c.level_reference))
 
 
-def boundary_box_set(rows: FloatArray) -> BoxSet:
-    """Return rows (n, 18), with the columns of `linework.kernels.cells.places`, as boxes."""
+def boundary_box_set(rows: FloatArray, uneven_m2: FloatArray) -> BoxSet:
+    """Return rows (n, 18), with the columns of `linework.kernels.cells.places`, and unevennesses (n, 2), as boxes."""
     return BoxSet(
         centre=rows[:, [places.BOX_X, places.BOX_Y, places.BOX_Z]],
         u=rows[:, [places.BOX_UX, places.BOX_UY]],
@@ -172,6 +175,8 @@ def boundary_box_set(rows: FloatArray) -> BoxSet:
         top_v_m=rows[:, places.TOP_V],
         contrast=rows[:, places.BOX_CONTRAST],
         rougher=rows[:, places.BOX_ROUGHER],
+        uneven_m2=uneven_m2[:, 0],
+        uneven_right_m2=uneven_m2[:, 1],
         n_points=rows[:, places.COUNT],
         time_start_s=rows[:, places.START],
         time_end_s=rows[:, places.BOX_END],

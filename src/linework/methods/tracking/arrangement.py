@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -76,20 +75,6 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: f
     across = np.sum(step * normal[nearest[near]], axis=1)
     out[near] = (across > from_m) & (across < to_m)
     return out
-
-
-def facing(boxes: BoxSet, path: Sequence[LineAxis]) -> BoxSet:
-    """Return boxes turned so that the nearest place of the vehicle's path within `FACING_M` lies on their left."""
-    if not path or len(boxes) == 0:
-        return boxes
-    xy = np.concatenate([axis.xy for axis in path])
-    distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=FACING_M)
-    near = np.isfinite(distance)
-    step = xy[np.where(near, nearest, 0)] - boxes.centre[:, :2]
-    turned = near & (boxes.u[:, 0] * step[:, 1] - boxes.u[:, 1] * step[:, 0] < 0.0)
-    sign = np.where(turned, -1.0, 1.0)
-    contrast = np.where(turned, 1.0 / boxes.contrast, boxes.contrast)
-    return replace(boxes, u=boxes.u * sign[:, None], height_m=boxes.height_m * sign, contrast=contrast)
 
 
 def outweighed(

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.kernels.boundaries.evenness import WINDOW_M
+from linework.kernels.cables.fit import MAD
 from linework.kernels.tracking.track import SHARED
 from linework.methods.protocol import Sight, visible_share
+from linework.methods.tracking.arrangement import FACING_M
 from linework.methods.tracking.fitted import LEAST_BOUNDARY_SCORE, SHARED_EDGE
 from linework.methods.tracking.marking_lines import confidence_of
+from linework.methods.tracking.neighbours import LineAxis
 from linework.methods.tracking.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxForm, BoxSet
@@ -30,6 +36,10 @@ UNMEASURED_M = 1.5
 #: middle, parking strips and drives have channels as well. The simulated roads have none of these, so that this is an
 #: estimate, kept below what overrules other lines. [1]
 CHANNEL_IS_EDGE = 0.8
+#: Unevenness over some metres at which a road is as likely as open land, and classes of ISO 8608 between the two: public
+#: roads are of class A to C, land that is driven over of E to G. The figure is what is left of class D (1024e-6 m3 at 0.1
+#: cycles/m, alike in all directions) in the windows of `linework.kernels.boundaries.evenness`. [m]
+POOR_ROAD_M, CLASSES_APART = 0.0068, 4.0
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
@@ -62,11 +72,14 @@ class SmoothBoundary:
     height_m
         (n,) float64 [m]: height of the step at each station.
     confidence
-        0 to 1.
+        0 to 1: that there is such an edge.
     times_s
         First and last time of its points. [s]
     scores, contrasts, rougher
         (k,) float64: those of the boxes.
+    on_road
+        Chance that the ground on its carriageway's side is a road and no open land, by its evenness alone; 1 for kerbs
+        and barriers, which stand up by themselves.
     """
 
     line: SmoothLine
@@ -79,6 +92,29 @@ class SmoothBoundary:
     scores: FloatArray
     contrasts: FloatArray
     rougher: FloatArray
+    on_road: float
+
+
+def facing(boxes: BoxSet, path: Sequence[LineAxis]) -> BoxSet:
+    """Return boxes turned so that the nearest place of the vehicle's path within `FACING_M` lies on their left.
+
+    Where there is none, either side may be the carriageway's: the more even one counts.
+    """
+    either = np.fmin(boxes.uneven_m2, boxes.uneven_right_m2)
+    if not path or len(boxes) == 0:
+        return replace(boxes, uneven_m2=either)
+    xy = np.concatenate([axis.xy for axis in path])
+    distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=FACING_M)
+    near = np.isfinite(distance)
+    step = xy[np.where(near, nearest, 0)] - boxes.centre[:, :2]
+    turned = near & (boxes.u[:, 0] * step[:, 1] - boxes.u[:, 1] * step[:, 0] < 0.0)
+    sign = np.where(turned, -1.0, 1.0)
+    contrast = np.where(turned, 1.0 / boxes.contrast, boxes.contrast)
+    left = np.where(turned, boxes.uneven_right_m2, boxes.uneven_m2)
+    return replace(
+        boxes, u=boxes.u * sign[:, None], height_m=boxes.height_m * sign, contrast=contrast,
+        uneven_m2=np.where(near, left, either),
+    )  # fmt: skip
 
 
 def smooth_boundaries(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothBoundary]:
@@ -149,11 +185,12 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
         sigma_z_m=np.hypot(line.sigma_z_m, height[1]),
     )
     confidence = confidence_of(boxes.score[box], line.sigma_xy_m)
+    on_road = 1.0 if form in (BoxForm.KERB, BoxForm.BARRIER) else chance_of_road(boxes, box)
     if form == BoxForm.CHANNEL:
         confidence *= CHANNEL_IS_EDGE
     return SmoothBoundary(
         line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box),
-        boxes.score[box], boxes.contrast[box], boxes.rougher[box],
+        boxes.score[box], boxes.contrast[box], boxes.rougher[box], on_road,
     )  # fmt: skip
 
 
@@ -171,6 +208,26 @@ def form_by_ground(boundary: SmoothBoundary) -> SmoothBoundary:
     return replace(boundary, form=FORMS[BoxForm.EDGE])
 
 
+def chance_of_road(boxes: BoxSet, box: IntArray) -> float:
+    """Return how likely the ground to the left of boxes (k,) is a road and no open land, 0 to 1; 1 where it is not known.
+
+    Notes
+    -----
+    By the median of their unevenness. Roads and land each have a class of ISO 8608 that is normally distributed, with a
+    standard deviation of one class, to which that of the median adds; windows that overlap count once.
+    """
+    known = boxes.uneven_m2[box[np.isfinite(boxes.uneven_m2[box])]]
+    middle = float(np.median(known)) if len(known) else 0.0
+    if middle <= 0.0:
+        return 1.0
+    windows = max(float(boxes.along(box)[-1]) / WINDOW_M, 1.0)
+    sigma = 1.25 * MAD * float(np.median(np.abs(known - middle))) / math.sqrt(windows)
+    # A class has four times the variance of the one before
+    worse = math.log(middle / POOR_ROAD_M**2, 4.0)
+    of_class = sigma / max(middle, POOR_ROAD_M**2) / math.log(4.0)
+    return 1.0 / (1.0 + math.exp(CLASSES_APART * worse / (1.0 + of_class**2)))
+
+
 def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
     """Return a boundary whose road lies on the upper side of its step: the edge of a pavement above its verge.
 
@@ -181,7 +238,7 @@ def step_down(boundary: SmoothBoundary) -> SmoothBoundary:
     return SmoothBoundary(
         top if has_top else foot, foot, boundary.boxes[::-1], FORMS[BoxForm.EDGE], -boundary.height_m[::-1],
         boundary.confidence, boundary.times_s, boundary.scores[::-1], boundary.contrasts[::-1],
-        boundary.rougher[::-1],
+        boundary.rougher[::-1], boundary.on_road,
     )  # fmt: skip
 
 
@@ -205,7 +262,8 @@ def bridged_boundary_stations(line: SmoothLine) -> BoolArray:
 
 def boundary_line_set(found: Sequence[SmoothBoundary]) -> LineSet:
     """Return boundaries as lines [m, local]."""
-    return _line_set(found, "road_boundary", [b.line for b in found])
+    lines = _line_set(found, "road_boundary", [b.line for b in found])
+    return lines.with_columns(confidence=lines.confidence * np.array([b.on_road for b in found]))
 
 
 def top_lines(found: Sequence[SmoothBoundary]) -> LineSet:
