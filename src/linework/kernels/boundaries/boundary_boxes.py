@@ -167,26 +167,14 @@ def change_box_in_cell(
 
 @njit(cache=True, nogil=True)
 def channel_box_in_cell(
-    data: FloorCells,
-    ground: tuple[Float32Array, float, int, int],
-    place: tuple[float, float],
-    limits: FloorLimits,
-    scratch: PlaceScratch,
-    box: FloatArray,
+    data: FloorCells, place: tuple[float, float], around: Around, scratch: PlaceScratch, box: FloatArray
 ) -> int:
     """Find a channel in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
     Parameters as for `box_in_cell`.
     """
-    plane = np.zeros(3)
-    slope = slope_at(place, ground)
-    noise, usual = floor_near(data.facets, data.span, place[0], place[1], slope, plane)
-    if noise < 0.0:
-        return BOX_HOLE
-    limits = limits_at(data, place, usual, limits)
-    most = roughness_limit(usual, limits.most_noise)
-    floor = LocalFloor(plane, noise, slope[0], slope[1], usual)
-    return channel_in_cell(data, place, floor, most, scratch, box)
+    most = roughness_limit(around.floor.usual, around.limits.most_noise)
+    return channel_in_cell(data, place, around.floor, most, scratch, box)
 
 
 @njit(cache=True, nogil=True)
@@ -256,13 +244,12 @@ def boxes_in_cells(
                 continue
             if limits.is_vertical > 0.0:
                 known, around = look_around(data, ground, (x, y), against_road, plane, slopes)
-            if known == BOX_FOUND and change_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
+            if known != BOX_FOUND:
+                continue
+            if change_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
-            if (
-                not is_sure
-                and channel_box_in_cell(data, ground, (x, y), limits, scratch, out[n]) == BOX_FOUND
-            ):
+            if channel_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
     return out[:n]

@@ -75,7 +75,7 @@ from linework.kernels.cells.places import (
     roughness_limit,
 )
 from linework.kernels.cells.surroundings import (
-    CHANNEL_BRIGHT,
+    FIELD_BRIGHT,
     RISE,
     ROUGH,
     SLOPE_EAST,
@@ -103,7 +103,7 @@ def may_change(slopes: FloatArray) -> bool:
     """Return whether brightness, roughness or height of the fine cells (4, 4) slope as they do across an edge."""
     return bool(
         slopes[ROUGH, SLOPE_SHARE] >= CHANGE_EXPLAINED
-        or slopes[CHANNEL_BRIGHT, SLOPE_SHARE] >= CHANGE_EXPLAINED
+        or slopes[FIELD_BRIGHT, SLOPE_SHARE] >= CHANGE_EXPLAINED
         or slopes[RISE, SLOPE_SHARE] >= CHANGE_EXPLAINED
     )
 
@@ -129,10 +129,10 @@ def change_in_cell(
     plane = floor.plane.copy()
     first, change = np.zeros(CHANGE_COLUMNS), np.zeros(CHANGE_COLUMNS)
     tried_x, tried_y = np.zeros(3), np.zeros(3)
-    for i, channel in enumerate((CHANNEL_BRIGHT, ROUGH, RISE)):
-        east, north = slopes[channel, SLOPE_EAST], slopes[channel, SLOPE_NORTH]
+    for i, field in enumerate((FIELD_BRIGHT, ROUGH, RISE)):
+        east, north = slopes[field, SLOPE_EAST], slopes[field, SLOPE_NORTH]
         size = np.hypot(east, north)
-        if slopes[channel, SLOPE_SHARE] < CHANGE_EXPLAINED or size == 0.0:
+        if slopes[field, SLOPE_SHARE] < CHANGE_EXPLAINED or size == 0.0:
             continue
         tried_x[i], tried_y[i] = east / size, north / size
         if (

@@ -101,7 +101,7 @@ from linework.kernels.cells.places import (
     chord_in_cell,
     roughness_limit,
 )
-from linework.kernels.cells.surroundings import CHANNEL_HEIGHT, RISE, SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE
+from linework.kernels.cells.surroundings import FIELD_HEIGHT, RISE, SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE
 
 #: Smallest height of a kerb over the noise of its floor: grass stays below it.
 LEAST_CLEAR_KERB = 1.5
@@ -133,15 +133,13 @@ LEAST_FLOOR_COVER, LEAST_TOP_COVER, LEAST_BOTH_COVER, LEAST_COVER_M = 0.6, 0.5, 
 def may_be_kerb(floor: LocalFloor, around: tuple[FloatArray, float], limits: FloorLimits) -> bool:
     """Return whether the fine cells around a place rise as they do next to a kerb.
 
-    around: (4, 4) slopes of the channels and the rise, see `linework.kernels.cells.surroundings`.
+    around: (4, 4) slopes of the fields and the rise, see `linework.kernels.cells.surroundings`.
     """
     slopes, rise = around
-    size = np.hypot(slopes[CHANNEL_HEIGHT, SLOPE_EAST], slopes[CHANNEL_HEIGHT, SLOPE_NORTH])
+    size = np.hypot(slopes[FIELD_HEIGHT, SLOPE_EAST], slopes[FIELD_HEIGHT, SLOPE_NORTH])
     # Half of the step's slope, where it is off the middle of the disc
     least = 0.5 * max(limits.least_step, LEAST_CLEAR_KERB * floor.noise)
-    steady = (
-        size * AREA_M >= STEP_SLOPE_SHARE * least and slopes[CHANNEL_HEIGHT, SLOPE_SHARE] >= KERB_EXPLAINED
-    )
+    steady = size * AREA_M >= STEP_SLOPE_SHARE * least and slopes[FIELD_HEIGHT, SLOPE_SHARE] >= KERB_EXPLAINED
     return bool(rise >= least and (rise >= CLIP_M or steady))
 
 
@@ -167,7 +165,7 @@ def kerb_in_cell(
     floor
         At the place.
     around
-        (4, 4) slopes of the channels about the place, and the rise.
+        (4, 4) slopes of the fields about the place, and the rise.
     area
         Number of points of the search area, in `scratch.work`, and its radius over the usual one.
     limits, scratch
@@ -238,7 +236,7 @@ def kerb_in_window(
     least_clear = CLEAR_LONG_STEP if is_long else CLEAR_STEP
     share, first, plane = np.zeros(COVER_COLUMNS), np.zeros(CLEAREST_COLUMNS), floor.plane.copy()
     found, tried = False, np.zeros((MOST_TRIED, 2))
-    for k in (CHANNEL_HEIGHT, RISE):
+    for k in (FIELD_HEIGHT, RISE):
         # Next to a car, a hedge or a wall the slope of the heights is not the kerb's
         east, north = slopes[k, SLOPE_EAST], slopes[k, SLOPE_NORTH]
         size = np.hypot(east, north)

@@ -94,7 +94,7 @@ from linework.kernels.cells.places import (
     S_Z,
     chord_in_cell,
 )
-from linework.kernels.cells.surroundings import CHANNEL_HEIGHT, SLOPE_EAST, SLOPE_NORTH
+from linework.kernels.cells.surroundings import FIELD_HEIGHT, SLOPE_EAST, SLOPE_NORTH
 
 #: Widths of ramps that are tried, in bins of 2 cm of a usual search area: flat kerbs of 8 cm to banks of half a metre.
 RAMP_BINS = np.array([4, 8, 12, 16, 24])
@@ -146,7 +146,7 @@ def ramp_in_cell(
     """
     x, y = place
     why = BOX_ALL_ROAD
-    east, north = slopes[CHANNEL_HEIGHT, SLOPE_EAST], slopes[CHANNEL_HEIGHT, SLOPE_NORTH]
+    east, north = slopes[FIELD_HEIGHT, SLOPE_EAST], slopes[FIELD_HEIGHT, SLOPE_NORTH]
     size = np.hypot(east, north)
     # At the road only: ground rises like this anywhere
     if size == 0.0 or not data.near_road[box_cell_at(data.span, x, y)]:

@@ -30,9 +30,9 @@ from linework.kernels.cells.floor import (
 )
 from linework.kernels.cells.places import AREA_M
 
-#: Channels: height over the plane; the same clipped to a low kerb, so that a kerb and a wall count alike;
+#: Fields: height over the plane; the same clipped to a low kerb, so that a kerb and a wall count alike;
 #: roughness; brightness.
-CHANNEL_HEIGHT, RISE, ROUGH, CHANNEL_BRIGHT = 0, 1, 2, 3
+FIELD_HEIGHT, RISE, ROUGH, FIELD_BRIGHT = 0, 1, 2, 3
 #: Height at which a rise is clipped: a low kerb; and roughness at which it is clipped: the roughest verge. [m]
 LOW_KERB_M, ROUGHEST_M = 0.05, 0.06
 #: Largest weight of a cell, which is its number of points: neighbouring points are not independent.
@@ -45,9 +45,9 @@ _NOISE_SIGMAS = 2.0
 _SLACK_M = 0.001
 #: Least total weight, and least determinant [m4], that a slope is fitted with.
 _LEAST_WEIGHT, _LEAST_DETERMINANT = 6.0, 1e-6
-#: Elements of a slope: east, north, share of the variance that it explains, mean of the channel.
+#: Elements of a slope: east, north, share of the variance that it explains, mean of the field.
 SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE, SLOPE_MEAN = 0, 1, 2, 3
-#: Number of channels, of elements of a slope, and of sums per channel: weighted f, x f, y f, f f.
+#: Number of fields, of elements of a slope, and of sums per field: weighted f, x f, y f, f f.
 _FOUR = 4
 
 
@@ -60,7 +60,7 @@ def fit_surroundings(
     noise: float,
     out: FloatArray,
 ) -> tuple[float, float]:
-    """Fit a slope to each channel over the fine cells of the search area.
+    """Fit a slope to each field over the fine cells of the search area.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def fit_surroundings(
     noise
         Rms distance of the floor's points. [m]
     out
-        (4, 4), written: channels by elements `SLOPE_EAST` to `SLOPE_MEAN`.
+        (4, 4), written: fields by elements `SLOPE_EAST` to `SLOPE_MEAN`.
 
     Returns
     -------
@@ -121,8 +121,8 @@ def fit_surroundings(
             xx += w * dx * dx
             xy += w * dx * dy
             yy += w * dy * dy
-            f[CHANNEL_HEIGHT], f[RISE] = d, min(max(d, -LOW_KERB_M), LOW_KERB_M)
-            f[ROUGH], f[CHANNEL_BRIGHT] = min(rough, ROUGHEST_M), s[SUM_STRENGTH] * m
+            f[FIELD_HEIGHT], f[RISE] = d, min(max(d, -LOW_KERB_M), LOW_KERB_M)
+            f[ROUGH], f[FIELD_BRIGHT] = min(rough, ROUGHEST_M), s[SUM_STRENGTH] * m
             for k in range(_FOUR):
                 t[k, 0] += w * f[k]
                 t[k, 1] += w * dx * f[k]

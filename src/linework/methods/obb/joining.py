@@ -53,6 +53,7 @@ from linework.methods.tracking.channels import has_footway_behind, within_carria
 from linework.methods.tracking.edge_roles import edge_roles
 from linework.methods.tracking.guides import LEAST_GUIDE_M, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
+from linework.methods.tracking.mouths import Mouths
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis, axes_of_path, half_lane_sides
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
@@ -200,7 +201,9 @@ def find_paint(now: Joining) -> Joining:
     lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
     blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
     bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
-    markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible, strips)
+    # Lines end at mouths, where the boundaries beside them are open
+    mouths = Mouths(axes_of_lines(now.boundaries), now.is_visible)
+    markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible, strips, mouths)
     other = [*other, *marking_lines.bar_lines(blobs, bars, now.is_visible)]
     # Half a lane beside a line, pieces in a row may be arrows
     long = [c for c in axes_of_lines(markings) if len(c.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
@@ -211,7 +214,7 @@ def find_paint(now: Joining) -> Joining:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
         found, _ = marking_lines.marking_lines(stones, tracks, now.is_visible)
-        unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible, strips)
+        unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible, strips, mouths)
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
         now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in [*unlikely, *rows]])
     return replace(now, markings=markings, other=other)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,7 +9,7 @@ import numpy as np
 from scipy.special import erf
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.methods.protocol import Sight, visible_share
+from linework.methods.protocol import Sight
 from linework.methods.tracking.against_paint import (
     ON_STEP,
     BrightStrips,
@@ -19,9 +18,10 @@ from linework.methods.tracking.against_paint import (
 )
 from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.guides import LEAST_GUIDE_M
+from linework.methods.tracking.line_ends import CLOSE_M, SHORT_GAP_M, ends_in_gaps, from_longest_gap
 from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, chance_of_line, odds_of_line
+from linework.methods.tracking.mouths import NO_MOUTHS, Mouths
 from linework.methods.tracking.pattern import (
-    PATCH_M,
     PaintRhythm,
     PatternStretch,
     dashes_of,
@@ -34,12 +34,6 @@ from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 
-#: Paint of two boxes nearer than this is continuous: search areas are half a metre apart. [m]
-CLOSE_M = 0.30
-#: A line ends at a gap that its wear produces with less than this chance.
-GAP_CHANCE = 0.01
-#: Longest gap from wear, and longest gap that is never an end. [m]
-LONGEST_WORN_M, SHORT_GAP_M = 20.0, 3.0
 #: Shortest solid line; shorter paint that is not a dash is an arrow, a bar or a letter: arrows are up to 5 m long,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_MARKING_M = 6.0
@@ -54,9 +48,6 @@ LEAST_TRACKED_DASHES, LEAST_DASH_SHARE = 3, 0.5
 LEAST_BAR_M = 1.0
 #: Lines are judged within this (docs/evaluation.md). [m]
 TOLERANCE_M = 0.10
-#: Bounds of the share of a solid line that wear has removed, and of the share of missing dashes: with none or all gone
-#: no longest gap follows. [-]
-_WORN_SHARE, _MISSING_SHARE = (0.01, 0.99), (0.05, 0.8)
 #: Rows of paint that are less likely a line than not are none.
 LEAST_LINE_CHANCE = 0.5
 #: Without any other bright strip.
@@ -99,7 +90,11 @@ class SmoothMarking:
 
 
 def marking_lines(
-    boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips = NO_STRIPS
+    boxes: BoxSet,
+    tracks: Tracks,
+    visible: Sight,
+    strips: BrightStrips = NO_STRIPS,
+    mouths: Mouths = NO_MOUTHS,
 ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
     """Return the lane markings among tracked stripes, and the other paint.
 
@@ -109,9 +104,11 @@ def marking_lines(
         Whether road or ground was measured at places [m, local].
     strips
         Bright strips that are no paint: evidence against lines that should have paint there.
+    mouths
+        Openings of boundaries: evidence that lines end there.
     """
     lines, other = list[SmoothMarking](), list[SmoothMarking]()
-    for found in _all_markings(boxes, tracks, visible, strips):
+    for found in _all_markings(boxes, tracks, visible, strips, mouths):
         # What is too bare for a line may be shorter paint in a row; stones are told by their step along the whole line
         is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and found.why_unlikely != BARE_ROW)
         parts = [found] if is_whole else _without_gaps(boxes, found, visible, strips)
@@ -173,15 +170,23 @@ def _without_gaps(
 
 
 def unlikely_lines(
-    boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips = NO_STRIPS
+    boxes: BoxSet,
+    tracks: Tracks,
+    visible: Sight,
+    strips: BrightStrips = NO_STRIPS,
+    mouths: Mouths = NO_MOUTHS,
 ) -> list[SmoothMarking]:
     """Return the long lines among tracked stripes that are more likely something else than paint."""
-    found = _all_markings(boxes, tracks, visible, strips)
+    found = _all_markings(boxes, tracks, visible, strips, mouths)
     return [m for m in found if m.why_unlikely and float(np.ptp(m.paint)) >= LEAST_MARKING_M]
 
 
-def _all_markings(boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips) -> list[SmoothMarking]:
-    return [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible, strips)]
+def _all_markings(
+    boxes: BoxSet, tracks: Tracks, visible: Sight, strips: BrightStrips, mouths: Mouths
+) -> list[SmoothMarking]:
+    return [
+        m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible, strips, mouths)
+    ]
 
 
 def has_its_dashes(marking: SmoothMarking) -> bool:
@@ -206,67 +211,23 @@ def _is_solid(paint: FloatArray) -> bool:
 
 def bar_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
     """Return the bars among tracked boxes of wide paint: stop lines, crossings."""
-    found = _all_markings(boxes, tracks, visible, NO_STRIPS)
+    found = _all_markings(boxes, tracks, visible, NO_STRIPS, NO_MOUTHS)
     return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M and not m.why_unlikely]
 
 
-def _markings(boxes: BoxSet, box: IntArray, visible: Sight, strips: BrightStrips) -> list[SmoothMarking]:
+def _markings(
+    boxes: BoxSet, box: IntArray, visible: Sight, strips: BrightStrips, mouths: Mouths
+) -> list[SmoothMarking]:
     """Return the markings of a track: smoothed, cut where the line has ended and where its pattern changes."""
-    t = boxes.along(box)
-    reach = boxes.half_u_m[box]
-    gap = (t[1:] - reach[1:]) - (t[:-1] + reach[:-1])
-    longest = np.zeros(len(gap))
+    box = from_longest_gap(boxes, box)
+    t, reach = boxes.along(box), boxes.half_u_m[box]
     stretches = find_stretches(merged_intervals(t - reach, t + reach, CLOSE_M))
-    for stretch in stretches:
-        inside = (t >= stretch.start_m) & (t <= stretch.end_m)
-        touches = (t[1:] > stretch.start_m) & (t[:-1] < stretch.end_m)
-        longest_m = _longest_gap(t[inside], reach[inside], stretch.rhythm)
-        longest[touches] = np.maximum(longest[touches], longest_m)
-    cuts = [
-        k + 1
-        for k in np.flatnonzero(gap > longest).tolist()
-        if visible_share(visible, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
-    ]
+    cuts = ends_in_gaps(boxes, box, stretches, visible, mouths)
     found: list[SmoothMarking] = []
     for first, piece in zip([0, *cuts], np.split(box, cuts), strict=True):
         if len(piece) >= 2:
             found += _by_pattern(boxes, piece, stretches, float(t[first]), visible, strips)
     return found
-
-
-def _longest_gap(t: FloatArray, reach: FloatArray, rhythm: PaintRhythm | None) -> float:
-    """Return the longest gap [m] within a stretch of one pattern; `t`, `reach`: (k,) places and reach of its boxes."""
-    if len(t) == 0:
-        return SHORT_GAP_M
-    if rhythm is None:
-        return _longest_worn(t, (t[1:] - reach[1:]) - (t[:-1] + reach[:-1]))
-    return _longest_missing(merged_intervals(t - reach, t + reach, CLOSE_M), rhythm)
-
-
-def _longest_worn(t: FloatArray, gap: FloatArray) -> float:
-    """Return the longest gap [m] that wear explains in a solid line with this much paint left.
-
-    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear.
-    """
-    longest_m = LONGEST_WORN_M
-    while True:
-        is_worn = gap <= longest_m
-        bare = float(gap[is_worn & (gap > CLOSE_M)].sum())
-        gone = float(np.clip(bare / max(t[-1] - t[0] - float(gap[~is_worn].sum()), 1.0), *_WORN_SHARE))
-        wear_m = min(max(PATCH_M * math.log(GAP_CHANCE) / math.log(gone), SHORT_GAP_M), LONGEST_WORN_M)
-        if wear_m >= longest_m or not (gap[is_worn] > wear_m).any():
-            return wear_m
-        longest_m = wear_m
-
-
-def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
-    """Return the longest gap [m] that worn-off dashes explain in a line with this many dashes left."""
-    dashes = dashes_of(paint, rhythm)
-    gap = dashes[1:, 0] - dashes[:-1, 1]
-    gone = np.rint((gap + rhythm.dash_m) / rhythm.period_m) - 1.0
-    missing = float(gone[gap <= LONGEST_WORN_M + 2.0 * rhythm.period_m].sum())
-    share = float(np.clip(missing / (missing + len(dashes)), *_MISSING_SHARE))
-    return rhythm.period_m * (1.0 + math.log(GAP_CHANCE) / math.log(share))
 
 
 def _by_pattern(
