@@ -218,7 +218,7 @@ ONE_WAY = {
     "limits and ends processes": (r"^\s*import resource\b|\bresource\.[a-zR]|\bprctl\b|signal\.SIG(?:KILL|HUP)|os\.(?:nice|kill)\(", ("processes/system.py", "processes/forced_end.py")),
     "connects processes": (r"AF_UNIX|socketpair|pass_fds|\bselect\.", ("processes/connection.py", "processes/forced_end.py")),
     "uses flags and reads of Unix": (r"os\.preadv?\b|O_(?:CLOEXEC|NONBLOCK|BINARY)", ("files/handles.py",)),
-    "needs Unix": (r"os\.(?:fork|statvfs|getuid|geteuid|killpg|setsid|mkfifo)\b|^\s*import pwd\b|[\"']/proc/", ("no file",)),
+    "needs Unix": (r"os\.(?:fork|statvfs|getuid|geteuid|killpg|setsid|mkfifo)\b|^\s*import pwd\b|[\"']/proc/", ("processes/system.py",)),
     "is a number fitted to data": (r"^#:.*\b(?:fitted to (?:data|seeds|surveys)|tuned)\b", ("fitted.py",)),
 }  # fmt: skip
 

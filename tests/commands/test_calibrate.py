@@ -1,6 +1,7 @@
 """`linework calibrate` and `extract --calibrate` on images of a road of noise that end at a wall."""
 
 import json
+import pickle
 import shutil
 import tomllib
 
@@ -13,6 +14,7 @@ from tests.scenes.stereo_folders import make_stereo_folder
 import linework
 from linework.files.survey.calibration import cameras_text, read_cameras
 from linework.files.survey.open import open_survey
+from linework.runs.cameras import calibrate
 from linework.runs.extract import extraction_request
 from linework.runs.settings import RunSettings
 
@@ -36,6 +38,29 @@ def views(tmp_path_factory):
     text = (right / "survey.toml").read_text()
     (wrong / "survey.toml").write_text(text.split("[cameras.left]")[0] + cameras_text(cameras))
     return right, wrong
+
+
+@pytest.fixture(scope="module", autouse=True)
+def looked_at_once():
+    """Follow the corners of a survey and adjust them once: to the same images and cameras the answer is the same."""
+    known, real = {}, (calibrate.followed, calibrate.calibrated_by_corners)
+
+    def followed(stereo, advance):
+        key = pickle.dumps((stereo.survey.root, stereo.series.rig))
+        if key not in known:
+            known[key] = real[0](stereo, advance)
+        return known[key]
+
+    def adjusted(rig, windows, *, progress):
+        key = pickle.dumps((rig, windows))
+        if key not in known:
+            known[key] = real[1](rig, windows, progress=progress)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrate, "followed", followed)
+        patch.setattr(calibrate, "calibrated_by_corners", adjusted)
+        yield
 
 
 def test_a_turned_camera_is_found_and_the_file_takes_its_place(linework, views, tmp_path):

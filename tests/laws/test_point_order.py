@@ -27,7 +27,7 @@ from linework.runs.resume import run_folder
 from linework.runs.settings import RunSettings, TilingConfig
 from linework.simulation.simulate import simulate_survey
 
-SHUFFLES = 20 if THOROUGH else 3
+SHUFFLES = 20 if THOROUGH else 2
 #: Several tiles of each method.
 TILING = TilingConfig(core_m=64.0, high_core_m=100.0, max_points=10_000)
 LASER_METHODS = [method for method in choose_methods("auto", ALL_KINDS) if method.recording == "points"]
@@ -99,7 +99,8 @@ def test_real_points(name, crs):
     alone = [as_one_tile(method, points, None) for method in LASER_METHODS]
     assert len(stored)
     assert any(alone)
-    for seed in range(SHUFFLES):
+    # A million points: one order exchanges every pair that could matter
+    for seed in range(SHUFFLES if THOROUGH else 1):
         mixed = shuffled(points, seed)
         assert_same_bytes(stored, through_the_store(mixed, None, TilingConfig()))
         if seed == 0 or THOROUGH:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from linework.errors import MachineError
-from linework.processes import executors
+from linework.processes import executors, pool
 from linework.processes.executors import Serial, Threads
 from linework.processes.pool import Processes
 
@@ -57,11 +57,18 @@ def work(tmp_path, monkeypatch):
     return some_work.work
 
 
+@pytest.fixture(params=["forked", "started"])
+def modules(request, monkeypatch):
+    """Return what workers load: they are forked from one that has loaded it, or started where that cannot be."""
+    monkeypatch.setattr(pool, "can_fork", lambda: request.param == "forked")
+    return ("linework.errors",)
+
+
 def outcomes(executor, work, tasks):
     return {o.task: (o.receipt, o.problem) for o in executor.run(work, tasks)}
 
 
-def test_what_dies_or_fails_costs_its_own_task(work):
+def test_what_dies_or_fails_costs_its_own_task(work, modules):
     tasks = [
         "a",
         f"signal {signal.SIGKILL:d}",
@@ -73,7 +80,7 @@ def test_what_dies_or_fails_costs_its_own_task(work):
         "c",
         "eat",
     ]
-    with Processes(2) as executor:
+    with Processes(2, modules=modules) as executor:
         found = outcomes(executor, work, tasks)
     assert set(found) == set(tasks)
     assert [found[task] for task in ("a", "b", "c")] == [("A", ""), ("B", ""), ("C", "")]
@@ -86,8 +93,10 @@ def test_what_dies_or_fails_costs_its_own_task(work):
 
 
 @pytest.mark.parametrize("task", ["hang", "stop"])
-def test_what_hangs_is_given_up(work, task):
-    with Processes(2, limit_s=0.7) as executor:
+def test_what_hangs_is_given_up(work, modules, task):
+    with Processes(2, modules=modules) as executor:
+        assert len(outcomes(executor, work, ["b", "c"])) == 2
+        executor._limit_s = 0.7  # once they are there: tasks take time alone
         found = outcomes(executor, work, [task, "a"])
     assert found == {task: (None, "the worker hung (no answer for 0.7 s)"), "a": ("A", "")}
 
@@ -103,7 +112,7 @@ def test_a_full_disk_ends_the_run_and_leaves_no_process(work, make):
 
 def test_the_order_of_tasks_and_the_number_of_processes_change_nothing(work):
     tasks = [f"task {i}" for i in range(20)]
-    with Processes(2) as executor:
+    with Processes(2, modules=["linework.errors"]) as executor:
         assert outcomes(executor, work, tasks) == outcomes(Serial(), work, tasks[::-1])
     assert outcomes(Threads(2), work, tasks) == outcomes(Serial(), work, tasks[::-1])
 
@@ -158,12 +167,13 @@ def test_threads_whose_tasks_are_done_are_not_stopped(monkeypatch):
     assert stopped == []
 
 
-def test_processes_end_with_their_parent_however_it_ends(work, tmp_path):
+@pytest.mark.parametrize("given", ["", ", modules=['linework.errors']"])
+def test_processes_end_with_their_parent_however_it_ends(work, tmp_path, given):
     script = tmp_path / "parent.py"
     script.write_text(
         "import some_work, sys, time\n"
         "from linework.processes.pool import Processes\n"
-        "executor = Processes(2)\n"
+        f"executor = Processes(2{given})\n"
         "pids = [o.receipt for o in executor.run(some_work.work, ['pid'])]\n"
         "print(*[w.pid for w in executor._workers], flush=True)\n"
         "time.sleep(3600)\n"
@@ -179,6 +189,67 @@ def test_processes_end_with_their_parent_however_it_ends(work, tmp_path):
     assert not any(map(_lives, pids))
 
 
+WHO = """
+import os, sys, threading
+
+PARENT = os.getpid()
+LOADED = []
+# As a library's thread would be there before anything is forked
+if os.environ.get("THREAD"):
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+
+def prepare(*words):
+    LOADED.extend(words)
+
+def who(task):
+    return os.getpid(), os.getppid(), PARENT, LOADED
+"""
+
+
+@pytest.fixture
+def loaded_work(work, tmp_path, monkeypatch):
+    (tmp_path / "loaded_work.py").write_text(WHO)
+    sys.modules.pop("loaded_work", None)
+    import loaded_work
+
+    yield loaded_work
+    sys.modules.pop("loaded_work", None)
+
+
+def test_what_workers_load_is_loaded_once(loaded_work):
+    with Processes(2, modules=["loaded_work"], prepare=["loaded_work:prepare", "a", "b"]) as executor:
+        found = [o.receipt for o in executor.run(loaded_work.who, range(20))]
+    for pid, server, loader, prepared in found:
+        assert loader == server != pid
+        assert server != os.getpid()
+        assert prepared == ["a", "b"]
+
+
+def test_a_process_with_threads_is_not_forked(loaded_work, monkeypatch):
+    monkeypatch.setenv("THREAD", "1")
+    with Processes(2, modules=["loaded_work"]) as executor:
+        found = [o.receipt for o in executor.run(loaded_work.who, range(4))]
+    for pid, server, loader, _ in found:
+        assert loader == pid, "it has loaded for itself"
+        assert server != os.getpid()
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_tasks_are_done_when_the_process_that_was_forked_is_killed(work, when):
+    with Processes(2, modules=["linework.errors"]) as executor:
+        if when == "after":
+            assert outcomes(executor, work, ["a"]) == {"a": ("A", "")}
+        os.kill(executor._server._child.pid, signal.SIGKILL)
+        assert outcomes(executor, work, ["a", "b"]) == {"a": ("A", ""), "b": ("B", "")}
+
+
+def test_a_worker_that_replaces_another_loads_for_itself(loaded_work, work):
+    with Processes(2, modules=["loaded_work"]) as executor:
+        outcomes(executor, work, ["leave", f"signal {signal.SIGKILL:d}"])
+        found = [o.receipt for o in executor.run(loaded_work.who, range(2))]
+    assert all(server == os.getpid() for _, server, _, _ in found)
+
+
 def _lives(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -186,8 +257,8 @@ def _lives(pid):
         return False
 
 
-def test_processes_are_gone_when_the_executor_is_left(work):
-    with Processes(2) as executor:
+def test_processes_are_gone_when_the_executor_is_left(work, modules):
+    with Processes(2, modules=modules) as executor:
         (pid,) = (o.receipt for o in executor.run(work, ["pid"]))
         assert _lives(pid)
         assert pid != os.getpid()

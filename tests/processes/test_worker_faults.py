@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.processes.test_pool import _lives
+from tests.processes.test_pool import _lives, modules
 
 from linework.processes.child import Child, ChildEndedError
 from linework.processes.executors import Serial
@@ -103,21 +103,24 @@ def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     sys.modules.pop("faulty_work", None)
 
 
+__all__ = ["modules"]
+
+
 def outcomes(executor: Any, function: Callable[[Any], Any], tasks: list[Any]) -> list[tuple[Any, Any, str]]:
     return sorted((o.task, o.receipt, o.problem) for o in executor.run(function, tasks))
 
 
-def test_workers_that_die_at_random_change_nothing(work, tmp_path):
+def test_workers_that_die_at_random_change_nothing(work, tmp_path, modules):
     tasks = list(range(30))
-    with Processes(2) as executor:
+    with Processes(2, modules=modules) as executor:
         found = outcomes(executor, work.mortal, tasks)
     assert found == outcomes(Serial(), work.square, tasks)
     runs = [len((tmp_path / "notes" / str(task)).read_text()) for task in tasks]
     assert runs == [2 if task % 3 else 1 for task in tasks], "each task that died is run once more, no other"
 
 
-def test_a_task_that_kills_every_worker_fails_alone_by_name(work, tmp_path):
-    with Processes(2) as executor:
+def test_a_task_that_kills_every_worker_fails_alone_by_name(work, tmp_path, modules):
+    with Processes(2, modules=modules) as executor:
         found = outcomes(executor, work.poison, list(range(12)))
     assert [(task, problem) for task, _, problem in found if problem] == [(5, "the worker died (SIGSEGV)")]
     assert [(task, receipt) for task, receipt, problem in found if not problem] == [
@@ -127,8 +130,8 @@ def test_a_task_that_kills_every_worker_fails_alone_by_name(work, tmp_path):
     assert sum(len(p.read_text()) for p in (tmp_path / "notes").iterdir()) == 13, "no neighbour is run again"
 
 
-def test_a_worker_without_memory_fails_its_task_by_name(work):
-    with Processes(2) as executor:
+def test_a_worker_without_memory_fails_its_task_by_name(work, modules):
+    with Processes(2, modules=modules) as executor:
         found = outcomes(executor, work.eat, [0, 1, 2])
     assert found == [(0, 0, ""), (1, None, "out of memory"), (2, 4, "")]
 
@@ -179,8 +182,9 @@ def test_an_input_that_a_worker_cannot_reach_fails_its_task_and_is_named(work, t
     assert str(gone) in found[1][2] and "No such file" in found[1][2]
 
 
-def test_a_late_second_result_is_never_taken(work, tmp_path):
-    with Processes(2, limit_s=0.7) as executor:
+def test_a_late_second_result_is_never_taken(work, tmp_path, modules):
+    # Long enough for a process to start on a loaded machine
+    with Processes(2, modules=modules, limit_s=5.0) as executor:
         found = outcomes(executor, work.late, [0, 1, 2, 3])
         pids = [int(pid) for pid in (tmp_path / "notes" / "0").read_text().split()]
         assert len(pids) == 2
@@ -190,8 +194,8 @@ def test_a_late_second_result_is_never_taken(work, tmp_path):
     assert found == [(task, task * task, "") for task in range(4)]
 
 
-def test_nothing_listens_while_workers_run(work):
-    with Processes(2) as executor:
+def test_nothing_listens_while_workers_run(work, modules):
+    with Processes(2, modules=modules) as executor:
         outcomes(executor, work.square, [1, 2])
         pids = [os.getpid(), *(worker.pid for worker in executor._workers)]
         before = listening(pids)

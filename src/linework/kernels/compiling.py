@@ -7,6 +7,7 @@ how many are left.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -65,6 +66,13 @@ def compile_kernel(kernel: CalledKernel) -> str:
     for signature in kernel.signatures:
         dispatcher.compile(tuple(_type_of(word) for word in signature.split()))
     return kernel.name
+
+
+def load_kernels(*groups: str) -> None:
+    """Load the compiled kernels that some groups of methods call; one that cannot be is left to who comes to it."""
+    for kernel in called_kernels(groups):
+        with contextlib.suppress(Exception):
+            compile_kernel(kernel)
 
 
 def cache_folder(module: str) -> Path:

@@ -199,6 +199,7 @@ def extract(
                 chosen,
                 has_images=has_pairs,
                 has_own_code=bool(own),
+                names=[kind for method in asked for kind in method.kinds],
             )
         )
         found = find_lines_of_drives(

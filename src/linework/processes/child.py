@@ -9,14 +9,14 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import IO, Any, Literal, Protocol
 
 from linework.errors import MachineError
 from linework.processes.channel import Channel
-from linework.processes.connection import offer_connection
+from linework.processes.connection import Offer, arguments_for, offer_connection
 
 #: Problem of a task or request that raised MemoryError.
 OUT_OF_MEMORY = "out of memory"
@@ -81,6 +81,27 @@ class ChildEndedError(Exception):
         self.ending = ending
 
 
+class Started(Protocol):
+    """A process that was started, as `subprocess.Popen` names what is asked of it."""
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        ...
+
+    def poll(self) -> int | None:
+        """Return its exit code, None while it runs."""
+        ...
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Return its exit code once it has ended."""
+        ...
+
+    def kill(self) -> None:
+        """End it."""
+        ...
+
+
 class Child:
     """A process that runs one function of this program.
 
@@ -96,6 +117,8 @@ class Child:
         Longer messages from it make no sense; None: no limit. [bytes]
     keep_words
         Keep the end of what it prints on stderr, see `last_words`; else it is dropped.
+    hands_on
+        Connections that it hands on to processes of its own.
 
     Raises
     ------
@@ -111,15 +134,15 @@ class Child:
 
     def __init__(
         self, *target: str, environment: Mapping[str, str] | None = None, address_bytes: int = 0,
-        longest_bytes: int | None = None, keep_words: bool = False,
+        longest_bytes: int | None = None, keep_words: bool = False, hands_on: Sequence[Offer] = (),
     ) -> None:  # fmt: skip
         # -P: a module in the working folder, which may be the survey's, is not ours
         command = [sys.executable, "-P", "-m", "linework.processes.entry"]
         with contextlib.closing(offer_connection()) as offer:
             try:
-                self._process = subprocess.Popen(
+                process = subprocess.Popen(
                     [*command, offer.address, str(os.getpid()), str(address_bytes), *target],
-                    **offer.popen,
+                    **arguments_for(offer, hands_on),
                     env=os.environ | _ONE_THREAD | dict(environment or {}),
                     # What libraries print would come between the progress on the terminal
                     stdout=subprocess.DEVNULL,
@@ -131,11 +154,14 @@ class Child:
                     f"a process cannot be started: {error.strerror or error}", where="linework",
                     advice="close other programs, or raise the limits on processes and open files (ulimit -u, ulimit -n)",
                 ) from error  # fmt: skip
-            self.channel = Channel(offer.accept(self._process), longest_bytes)
+            self.channel = Channel(offer.accept(process), longest_bytes)
+        self._process: Started = process
         self._last_words = b""
         self._words_reader: threading.Thread | None = None
-        if keep_words:  # a process blocks on stderr that nobody reads
-            self._words_reader = threading.Thread(target=self._read_words, name="stderr", daemon=True)
+        if keep_words and process.stderr is not None:  # a process blocks on stderr that nobody reads
+            self._words_reader = threading.Thread(
+                target=self._read_words, args=(process.stderr,), name="stderr", daemon=True
+            )
             self._words_reader.start()
 
     @property
@@ -147,6 +173,11 @@ class Child:
     def is_running(self) -> bool:
         """Whether it has not ended yet."""
         return self._process.poll() is None
+
+    @property
+    def code(self) -> int | None:
+        """Its exit code, below 0: a signal; None while it runs."""
+        return self._process.poll()
 
     @property
     def last_words(self) -> str:
@@ -212,11 +243,8 @@ class Child:
         except subprocess.TimeoutExpired:
             return Ending("hung", "it closed its connection")
 
-    def _read_words(self) -> None:
+    def _read_words(self, pipe: IO[bytes]) -> None:
         """Keep the end of what it prints on stderr until it ends, in a thread."""
-        pipe = self._process.stderr
-        if pipe is None:
-            return
         with pipe:
             while data := os.read(pipe.fileno(), 1 << 16):
                 self._last_words = (self._last_words + data)[-_LAST_WORDS_BYTES:]

@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 #: The address of this machine alone.
@@ -33,7 +34,7 @@ class Offer(Protocol):
     #: Arguments of `subprocess.Popen` without which the child cannot take it.
     popen: dict[str, Any]
 
-    def accept(self, process: subprocess.Popen[bytes]) -> socket.socket:
+    def accept(self, process: Any) -> socket.socket:
         """Return the connected socket; one that is at its end where the child ended before it connected."""
         ...
 
@@ -45,7 +46,24 @@ class Offer(Protocol):
 def offer_connection() -> Offer:
     """Return a connection for a child that is to be started."""
     # Python for Windows may have AF_UNIX, but its children inherit no descriptors (`pass_fds`)
-    return _Inherited() if os.name == "posix" and hasattr(socket, "AF_UNIX") else _Loopback()
+    return _Inherited() if inherits_connections() else _Loopback()
+
+
+def inherits_connections() -> bool:
+    """Return whether children of this system inherit connections."""
+    return os.name == "posix" and hasattr(socket, "AF_UNIX")
+
+
+def arguments_for(offer: Offer, hands_on: Sequence[Offer] = ()) -> dict[str, Any]:
+    """Return arguments of `subprocess.Popen` for the child that an offer is for.
+
+    Parameters
+    ----------
+    hands_on
+        Offers that it hands on to children of its own, where these inherit them.
+    """
+    inherited = [descriptor for each in (offer, *hands_on) for descriptor in each.popen.get("pass_fds", ())]
+    return offer.popen | ({"pass_fds": inherited} if inherited else {})
 
 
 def connect_to_parent(address: str) -> socket.socket:
@@ -77,7 +95,7 @@ class _Inherited:
         self.popen: dict[str, Any] = {"pass_fds": [self._theirs.fileno()], "stdin": subprocess.DEVNULL}
         self._is_taken = False
 
-    def accept(self, process: subprocess.Popen[bytes]) -> socket.socket:
+    def accept(self, process: Any) -> socket.socket:
         """Return this end."""
         del process
         self._is_taken = True

@@ -7,16 +7,20 @@ import pickle
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
 from linework.processes.channel import Channel, wait_readable
 from linework.processes.child import Child, ChildEndedError, Ending
 from linework.processes.executors import Outcome, Receipt, Task, outcome_of
+from linework.processes.forked import ForkServer
+from linework.processes.system import can_fork
 
 #: Limit on the time of a task. A tile takes seconds, the densest ones minutes: what takes longer hangs. [s]
 LIMIT_S = 900.0
+#: What a worker runs.
+_WORKER = "linework.processes.pool:tile_worker_main"
 
 
 class Processes:
@@ -26,6 +30,9 @@ class Processes:
     ----------
     modules
         What the processes import before their first task.
+    prepare
+        ``module:function`` that prepares the processes for their tasks, and its arguments: called where it is paid once
+        for all of them; () nothing.
     limit_s
         A task that takes longer is given up and its process killed. [s]
 
@@ -35,10 +42,22 @@ class Processes:
     want of memory.
     """
 
-    def __init__(self, n_workers: int, *, modules: Sequence[str] = (), limit_s: float = LIMIT_S) -> None:
+    def __init__(
+        self,
+        n_workers: int,
+        *,
+        modules: Sequence[str] = (),
+        prepare: Sequence[str] = (),
+        limit_s: float = LIMIT_S,
+    ) -> None:
         self.n_workers = n_workers
         self._modules, self._limit_s = tuple(modules), limit_s
-        self._workers = [self._new_worker() for _ in range(n_workers)]
+        # Loading is paid once for all workers; one that replaces another loads for itself
+        is_shared = n_workers > 1 and bool(modules) and can_fork()
+        self._server = ForkServer(_WORKER, n_workers, modules=modules, prepare=prepare) if is_shared else None
+        self._workers = (
+            self._server.workers if self._server else [self._new_worker() for _ in range(n_workers)]
+        )
 
     def run(self, work: Callable[[Task], Receipt], tasks: Sequence[Task]) -> Iterator[Outcome[Task, Receipt]]:
         """Yield the outcome of each task as it ends (see `linework.processes.executors.Executor`)."""
@@ -73,6 +92,7 @@ class Processes:
         busy: dict[Child, tuple[Task, float]],
     ) -> None:
         """Give every idle process a task; tasks whose process ended come last, and alone."""
+        self._replace_lost(busy)
         for worker in self._workers:
             source = waiting or (alone if not busy else None)
             if worker not in busy and source:
@@ -97,7 +117,14 @@ class Processes:
                 yield worker, answer
 
     def _new_worker(self) -> Child:
-        return Child("linework.processes.pool:tile_worker_main", *self._modules)
+        return Child(_WORKER, *self._modules)
+
+    def _replace_lost(self, busy: Collection[Child]) -> None:
+        """Replace idle processes that ended with the one they were forked from: a task tried again is not to meet them."""
+        if self._server is not None and not self._server.is_running:
+            for worker in self._server.workers:
+                if worker in self._workers and worker not in busy:
+                    self._replace(worker)
 
     def _replace(self, worker: Child) -> None:
         worker.end()
@@ -112,6 +139,8 @@ class Processes:
         """End the processes."""
         for worker in self._workers:
             worker.end()
+        if self._server is not None:
+            self._server.end()
 
 
 def tile_worker_main(channel: Channel, modules: list[str]) -> None:

@@ -14,6 +14,9 @@ import socket
 import sys
 import threading
 import time
+from pathlib import Path
+
+from linework.processes.connection import inherits_connections
 
 try:
     import resource
@@ -114,6 +117,60 @@ def _end_when_closed(connected: socket.socket) -> None:
         if not is_open:
             os._exit(1)
         time.sleep(_LOOK_S)
+
+
+def can_fork() -> bool:
+    """Return whether processes can be forked here that end with their parent, and whose end it hears of (Linux from 5.3)."""
+    if not (
+        _ENDS_WITH_PARENT and inherits_connections() and hasattr(os, "fork") and hasattr(os, "pidfd_open")
+    ):
+        return False
+    with contextlib.suppress(OSError):
+        os.close(os.pidfd_open(os.getpid()))
+        return True
+    return False
+
+
+def fork_process() -> int:
+    """Return the number of a new process that is a copy of this one; 0 in the copy, which has this thread alone."""
+    return os.fork()
+
+
+def has_one_thread() -> bool:
+    """Return whether this process has no other thread, of Python or of a library (where it can be forked)."""
+    return len(list(Path("/proc/self/task").iterdir())) == 1
+
+
+class ProcessHandle:
+    """A child process that was forked: readable when it has ended, and never mistaken for one that came after it.
+
+    Parameters
+    ----------
+    pid
+        Number of the process.
+    """
+
+    def __init__(self, pid: int) -> None:
+        self.pid, self._descriptor = pid, os.pidfd_open(pid)
+
+    def fileno(self) -> int:
+        """Return its descriptor."""
+        return self._descriptor
+
+    def kill(self) -> None:
+        """End it, whatever it is doing."""
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._descriptor, signal.SIGKILL)
+
+    def take_code(self) -> int:
+        """Return the exit code of the process, which has ended, and close the handle; below 0: a signal."""
+        code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        self.close()
+        return code
+
+    def close(self) -> None:
+        """Close its descriptor."""
+        os.close(self._descriptor)
 
 
 def is_alive(pid: int) -> bool:

@@ -97,6 +97,12 @@ def compile_stage(names: Iterable[str], steps: RunSteps, *, needs_all: bool = Fa
     return True
 
 
+def loading_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Return what `linework.processes.pool.Processes` is prepared by for some names (see `compile_stage`); (): not compiled."""
+    groups = sorted({_GROUP_OF[name] for name in names if name in _GROUP_OF})
+    return ("linework.kernels.compiling:load_kernels", *groups) if groups and is_compiled(groups) else ()
+
+
 def _compile_all(kernels: Sequence[CalledKernel], advance: Advance) -> list[str]:
     """Compile kernels side by side, and return name and problem of each that could not be compiled."""
     from linework.processes.system import usable_cores

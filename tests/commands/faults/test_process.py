@@ -209,9 +209,12 @@ def test_our_own_fault_in_a_tile_is_named_and_the_rest_is_written(las_file, tmp_
     assert (tmp_path / "a.gpkg").exists()
 
 
-@pytest.mark.parametrize(
-    "name", [b"n\xff\xfe", b"new\nline", b"red\x1b[31m", b"-dash", "ü #;%?'\".laz".encode()]
-)
+#: Bytes that are no text; an option, a line's end, a colour of the terminal, and what means something in addresses,
+#: shells and SQL.
+NAMES = [b"n\xff\xfe", "-d new\nline red\x1b[31m ü #;%?'\".laz".encode()]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_names_of_any_bytes(linework, las_file, tmp_path, name):
     """Files and folders of any name are read and written, and no record breaks on them."""
     folder = tmp_path / os.fsdecode(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 import ssl
 import subprocess
@@ -22,12 +23,26 @@ from linework.files.survey.open import open_survey
 pytest.importorskip("obstore")
 
 
-@pytest.fixture
-def server(tmp_path):
-    folder = tmp_path / "served"
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Return a folder with a file of each sort."""
+    folder = tmp_path_factory.mktemp("files")
     copc_file(folder / "a.copc.laz", n=4000, n_chunks=8)
     for name, kind in (("new.laz", 6), ("old.laz", 1), ("new.las", 7), ("old.las", 3)):
         drive_file(folder / name, kind, n=4000)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def here(files):
+    """Return a function that reads a file from the disk, once."""
+    return functools.cache(lambda name: read_survey_points(open_survey(files / name, crs=CRS)).points)
+
+
+@pytest.fixture
+def server(files, tmp_path):
+    folder = tmp_path / "served"
+    shutil.copytree(files, folder)
     with file_server(folder) as served:
         yield served
 
@@ -49,15 +64,15 @@ NAMES = ["a.copc.laz", "new.laz", "old.laz", "new.las", "old.las"]
 
 @pytest.mark.parametrize("fault", ["sound", "flaky", "torn", "bare", "weak", "untagged", "led"])
 @pytest.mark.parametrize("name", NAMES)
-def test_the_points_are_those_of_the_local_file(server, tmp_path, monkeypatch, name, fault):
+def test_the_points_are_those_of_the_local_file(server, here, tmp_path, monkeypatch, name, fault):
     monkeypatch.chdir(tmp_path)
     with file_server(server.folder) as other:
         server.other = other.port
         far = read_survey_points(open_survey(server.address(name, fault), crs=CRS))
-    here = read_survey_points(open_survey(server.folder / name, crs=CRS))
-    np.testing.assert_array_equal(far.points.xyz, here.points.xyz)
-    np.testing.assert_array_equal(far.points.intensity, here.points.intensity)
-    np.testing.assert_array_equal(far.points.time_s, here.points.time_s)
+    near = here(name)
+    np.testing.assert_array_equal(far.points.xyz, near.xyz)
+    np.testing.assert_array_equal(far.points.intensity, near.intensity)
+    np.testing.assert_array_equal(far.points.time_s, near.time_s)
     assert len(far.points) == 4000
     warned = [text for text in far.warnings if "neither ETag nor date" in text]
     assert len(warned) == (fault in ("untagged", "bare"))

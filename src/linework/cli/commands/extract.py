@@ -155,10 +155,11 @@ def extract_command(
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
         images = recordings_for(method, kinds)["images"]
-        compile_stage(compiled_for(survey, kinds, images=images), steps)
+        names = compiled_for(survey, kinds, images=images)
+        compile_stage(names, steps)
         n_points = promised_points(survey)
         executor = held.enter_context(
-            executor_for(n_points, n_workers, settings, has_images=images and survey.has_pairs)
+            executor_for(n_points, n_workers, settings, has_images=images and survey.has_pairs, names=names)
             if scheduler is None
             else cluster_executor(scheduler, workers, folder)
         )

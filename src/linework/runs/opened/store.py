@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -244,6 +244,7 @@ def executor_for(
     *,
     has_images: bool = False,
     has_own_code: bool = False,
+    names: Iterable[str] = (),
 ) -> Iterator[Executor]:
     """Open the executor of a run: worker processes, started now; for a survey of one tile threads, or one task at a time.
 
@@ -255,6 +256,8 @@ def executor_for(
         Whether stereo pairs are looked at: many small windows, any number of which is worth workers.
     has_own_code
         Whether tasks call functions of somebody else's, which may not expect to be called by two threads at once.
+    names
+        What the tasks come to, as for `linework.runs.compile.compile_stage`: its kernels are loaded once for all workers.
     """
     from linework.processes.executors import Serial, Threads
     from linework.processes.pool import Processes
@@ -262,5 +265,7 @@ def executor_for(
     if n_workers == 1 or (n_points <= settings.tiling.max_points and not has_images):
         yield Serial() if n_workers == 1 or has_own_code else Threads(n_workers)
         return
-    with Processes(n_workers, modules=WORKER_MODULES) as processes:
+    from linework.runs.compile import loading_of
+
+    with Processes(n_workers, modules=WORKER_MODULES, prepare=loading_of(names)) as processes:
         yield processes

@@ -59,7 +59,9 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
         reporter = held.enter_context(_reporter(session.report))
         steps = RunSteps(reporter)
         executor = held.enter_context(
-            executor_for(promised_points(survey), n_workers, settings, has_images=survey.has_pairs)
+            executor_for(
+                promised_points(survey), n_workers, settings, has_images=survey.has_pairs, names=request.kinds
+            )
         )
         recordings = held.enter_context(
             opened_recordings(
