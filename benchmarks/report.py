@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 import linework
 from benchmarks.accuracy import seeds_of
 from linework.cli.commands.of_lines.evaluate import print_tables
+from linework.evaluation.chainage.bends import with_bends
 from linework.evaluation.chainage.dashes_along import dash_samples
 from linework.evaluation.chainage.paint_along import paint_samples
 from linework.evaluation.chainage.paint_points import CORE_SHARE, paint_pieces
@@ -150,7 +151,7 @@ def by_quantity(lines, axis):
     crossings = crossings_at(lines, cross_cuts(lines, axis), len(axis.station_m))
     found = defaultdict(list)
     for samples in (
-        station_samples(axis, crossings),
+        with_bends(station_samples(axis, crossings)),
         clearance_samples(lines, axis, crossings),
         dash_samples(lines, axis),
     ):

@@ -225,6 +225,15 @@ def test_worn_dashes_do_not_shorten_the_rhythm():
     assert len([r for r in rows_of(report, "dash_length") if r.value is not None]) == 9
 
 
+def test_dashes_that_scan_lines_cut_alike_are_known_no_better_than_one():
+    # Scan lines 0.3 m apart and a period of nearly 30 of them: all dashes of 3.0 m become 3.12 m, some earlier than others
+    shift = 0.08 * np.array([1, -1, 1, 1, -1, 1, -1, -1, 1, -1])
+    lines, axis = dashed_road([(9.0 * k + a, 9.0 * k + a + 3.12) for k, a in enumerate(shift.tolist())])
+    lengths = rows_of(chainage_report(lines, [axis], every_m=10.0), "dash_length")
+    assert len(lengths) == 9
+    assert all(0.12 < r.sigma < 0.25 for r in lengths), [r.sigma for r in lengths]
+
+
 RHYTHM = [(9.0 * k, 9.0 * k + 3.0) for k in range(10)]
 
 
@@ -282,6 +291,20 @@ def test_a_wire_across_the_road_is_over_both_lanes():
     np.testing.assert_allclose(found["w over right | middle"].value, 5.4 - 3.4 * 0.05, atol=0.02)
     np.testing.assert_allclose(found["w over middle | edge"].value, 5.4, atol=0.02)
     assert {r.from_m for r in found.values()} == {50.0}
+
+
+def test_an_upstand_is_less_sure_where_the_kerb_begins_to_drop():
+    lines, axis = straight([*ROAD[:3], ROAD[3], ROAD[4]])
+    top = lines.xyz[lines.line_of_vertex == 4]
+    drop_m = np.interp(np.arange(51) * 2.0, [0, 40, 42, 58, 60, 100], [0, 0, 0.12, 0.12, 0, 0])
+    xyz = lines.xyz.copy()
+    xyz[lines.line_of_vertex == 4] = top - drop_m[:, None] * [0, 0, 1]
+    rows = rows_of(chainage_report(lines.with_columns(xyz=xyz), [axis], every_m=2.0), "upstand")
+    sigma = {r.from_m: r.sigma for r in rows}
+    # As sure as both lines, but where it begins and ends to drop: by a quarter of the step in its slope over a metre
+    assert sigma[20.0] == sigma[50.0] == pytest.approx(np.hypot(0.008, 0.008))
+    unseen = 0.25 * np.sqrt(0.06**2 - 6 * (0.008**2 + 0.008**2))
+    assert sigma[40.0] == pytest.approx(np.hypot(sigma[50.0], unseen), rel=0.01)
 
 
 def test_lines_across_are_no_bounds():

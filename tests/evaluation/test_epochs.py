@@ -3,6 +3,7 @@
 import numpy as np
 import pyogrio
 import pytest
+import shapely
 
 from linework.crs import parse_crs
 from linework.errors import CrsError
@@ -54,6 +55,19 @@ def found(old, new, status):
 def test_two_surveys_of_an_unchanged_road_differ_by_at_most_one_place_per_km():
     n = [len(compare_epochs(epoch(seed), epoch(100 + seed))[0]) for seed in range(10)]
     assert np.mean(n) <= 1.0, n
+
+
+def test_lines_are_sorted_into_trees_once_however_many_they_are(monkeypatch):
+    made = []
+    tree = shapely.STRtree
+    monkeypatch.setattr(shapely, "STRtree", lambda shapes: made.append(len(shapes)) or tree(shapes))
+    few, many = {k: TABLE[k] for k in ("edge", "kerb")}, TABLE
+    counts = []
+    for table in (few, many):
+        made.clear()
+        compare_epochs(epoch(1, table), epoch(2, table))
+        counts.append(sum(n > 300 for n in made))
+    assert counts[0] == counts[1], counts
 
 
 def test_edges_beside_boundaries_and_poles_are_not_compared():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -109,17 +110,34 @@ class CrossCuts(Columns):
     bridged: BoolArray = column(np.bool_)
 
 
-def cross_cuts(lines: LineSet, axis: Axis, *, reach_m: float = REACH_M) -> CrossCuts:
+class LinesToCut:
+    """Lines whose segments were sorted into a tree once, for `cross_cuts` along many axes.
+
+    Parameters
+    ----------
+    lines
+        Any lines; a cut of `cross_cuts` names them by their numbers.
+    """
+
+    def __init__(self, lines: LineSet) -> None:
+        self.lines = lines
+        self.owner = lines.line_of_vertex
+        self.first = np.flatnonzero(self.owner[:-1] == self.owner[1:])
+        self.begin, self.end = lines.xyz[self.first, :2], lines.xyz[self.first + 1, :2]
+        self.tree = shapely.STRtree(shapely.linestrings(np.stack([self.begin, self.end], axis=1)))
+        spans = pairwise(lines.offsets.tolist())
+        self.along_m = np.concatenate([np.zeros(0), *(distance_along(lines.xyz[a:b]) for a, b in spans)])
+
+
+def cross_cuts(lines: LineSet | LinesToCut, axis: Axis, *, reach_m: float = REACH_M) -> CrossCuts:
     """Return the crossings of lines with the perpendiculars at all stations, up to `reach_m` from the axis [m]."""
-    owner = lines.line_of_vertex
-    first = np.flatnonzero(owner[:-1] == owner[1:])
-    if not len(first) or not len(axis.station_m):
+    cut = lines if isinstance(lines, LinesToCut) else LinesToCut(lines)
+    if not len(cut.first) or not len(axis.station_m):
         return CrossCuts.empty()
-    begin, end = lines.xyz[first, :2], lines.xyz[first + 1, :2]
-    tree = shapely.STRtree(shapely.linestrings(np.stack([begin, end], axis=1)))
+    lines, begin, end = cut.lines, cut.begin, cut.end
     reach = axis.left * reach_m
     cuts = shapely.linestrings(np.stack([axis.xyz[:, :2] - reach, axis.xyz[:, :2] + reach], axis=1))
-    station, segment = tree.query(cuts, predicate="dwithin", distance=_TOUCH_M)
+    station, segment = cut.tree.query(cuts, predicate="dwithin", distance=_TOUCH_M)
     step = end[segment] - begin[segment]
     away = axis.xyz[station, :2] - begin[segment]
     ahead = axis.ahead[station]
@@ -130,7 +148,7 @@ def cross_cuts(lines: LineSet, axis: Axis, *, reach_m: float = REACH_M) -> Cross
         a[crossing] for a in (station, segment, step, away, ahead, across)
     )
     share = np.clip(np.einsum("ij,ij->i", away, ahead) / across, 0.0, 1.0)
-    vertex = first[segment]
+    vertex = cut.first[segment]
     place = begin[segment] + share[:, None] * step
     offset = np.einsum("ij,ij->i", place - axis.xyz[station, :2], axis.left[station])
 
@@ -138,12 +156,9 @@ def cross_cuts(lines: LineSet, axis: Axis, *, reach_m: float = REACH_M) -> Cross
         return np.asarray(values[vertex] * (1 - share) + values[vertex + 1] * share)
 
     length = np.hypot(step[:, 0], step[:, 1])
-    along = np.concatenate(
-        [distance_along(lines.xyz[a:b]) for a, b in zip(lines.offsets[:-1], lines.offsets[1:], strict=True)]
-    )
     found = CrossCuts(
-        station=station, line=owner[vertex], offset_m=offset, up_m=between(lines.xyz[:, 2]),
-        sigma_xy_m=between(lines.sigma_xy_m), sigma_z_m=between(lines.sigma_z_m), along_m=between(along),
+        station=station, line=cut.owner[vertex], offset_m=offset, up_m=between(lines.xyz[:, 2]),
+        sigma_xy_m=between(lines.sigma_xy_m), sigma_z_m=between(lines.sigma_z_m), along_m=between(cut.along_m),
         cosine=across / np.maximum(length, 1e-12), bridged=lines.bridged[vertex] | lines.bridged[vertex + 1],
     )  # fmt: skip
     found = found.take(np.lexsort((found.line, found.offset_m, found.station)))

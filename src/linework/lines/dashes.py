@@ -148,7 +148,11 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
     if math.sqrt(float(off @ off) / n) > min(ALIKE_DASHES_M, _LEAST_REGULAR * period):
         return None
     n_own = min(n, N_NEAR)
-    dash_sigma = math.hypot(float(length.std(ddof=1)) / math.sqrt(n_own), _SPOT_M / math.sqrt(3.0))
+    scatter = float(length.var(ddof=1))
+    # Ends that err by themselves make lengths scatter twice as much as middles. Where lengths do not, scan lines at one
+    # distance cut all dashes to one length: the rest is the error of all of them, and of their mean
+    shared = max(4.0 * float(off @ off) / (n - 2) - scatter, 0.0)
+    dash_sigma = math.sqrt(scatter / n_own + shared + _SPOT_M**2 / 3.0)
     period_sigma = math.sqrt(float(off @ off) / (n - 2) / spread)
     dash = float(length.mean())
     return MarkingRhythm(dash, period - dash, dash_sigma, math.hypot(dash_sigma, period_sigma))

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.lines.along import runs_of
-from linework.lines.crosscuts import STATION_M, Axis, cross_cuts
+from linework.lines.crosscuts import STATION_M, Axis, LinesToCut, cross_cuts
 from linework.lines.lane_evidence import LANE_LIMITS_M, SINGLE_LANE_M, Bound, BoundEvidence
 from linework.lines.reference_curve import ReferenceCurve, reference_curve
 from linework.model.lines import LineSet
@@ -110,13 +110,15 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
     roads: list[LaneRoad] = []
     taken: set[tuple[int, int, int]] = set()
     barred = BoundEvidence(lines)
+    index = np.flatnonzero(np.isin(lines.kind, (*BOUND_KINDS, *_WALLS)))
+    cut = LinesToCut(lines.take(index))
     for i in np.lexsort((-lines.length_m, rank)).tolist():
         if rank[i] == 9 or lines.length_m[i] < _SHORTEST_M:
             continue
         curve = reference_curve(lines[i].xyz[:, :2])
         n = int(curve.length_m)
         station_m = np.linspace(0.0, curve.length_m, n + 1)
-        rows = _rows(lines, curve, station_m)
+        rows = _rows(cut, index, curve, station_m)
         barred.add(rows)
         if i in barred.strays:
             continue
@@ -162,12 +164,13 @@ def _cells(profile: _Profile) -> list[tuple[int, int, int]]:
     return found
 
 
-def _rows(lines: LineSet, curve: ReferenceCurve, station_m: FloatArray) -> list[list[Bound]]:
-    """Return what crosses the perpendicular of each station along the road, from right to left."""
+def _rows(
+    cut: LinesToCut, index: IntArray, curve: ReferenceCurve, station_m: FloatArray
+) -> list[list[Bound]]:
+    """Return what crosses the perpendicular of each station along the road, from right to left; `index` numbers the lines."""
     xy = curve.places(station_m)
     axis = Axis("", station_m, np.column_stack([xy, np.zeros(len(xy))]), curve.ahead(station_m))
-    index = np.flatnonzero(np.isin(lines.kind, (*BOUND_KINDS, *_WALLS)))
-    cuts = cross_cuts(lines.take(index), axis)
+    cuts = cross_cuts(cut, axis)
     cuts = cuts.take(np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE))
     ends = np.searchsorted(cuts.station, np.arange(len(station_m) + 1)).tolist()
     columns = (index[cuts.line], cuts.offset_m, cuts.up_m, cuts.along_m, cuts.sigma_xy_m, cuts.bridged)

@@ -11,6 +11,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from linework.errors import UsageError, argument
+from linework.evaluation.chainage.bends import with_bends
 from linework.evaluation.chainage.dashes_along import dash_samples
 from linework.evaluation.chainage.paint_along import paint_samples
 from linework.evaluation.chainage.paint_points import PaintPieces
@@ -147,7 +148,7 @@ def chainage_report(
         here = crossings_at(lines, cross_cuts(lines, axis), len(axis.station_m))
         crossings.append(here)
         samples = chain(
-            station_samples(axis, here), clearance_samples(lines, axis, here), dash_samples(lines, axis),
+            with_bends(station_samples(axis, here)), clearance_samples(lines, axis, here), dash_samples(lines, axis),
             shape_samples(axis), _gap_samples(axis, here),
             paint_samples(lines, axis, paint) if paint is not None else (),
         )  # fmt: skip

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
-from linework.lines.crosscuts import Axis, axis_along, cross_cuts
+from linework.lines.crosscuts import Axis, LinesToCut, axis_along, cross_cuts
 from linework.model.lines import STACKED_FORM, LineSet
 
 #: Lines of one kind nearer than this are the same line; a kerb that moves further is another one. [m]
@@ -79,6 +79,7 @@ class EpochStations:
 def epoch_stations(lines: LineSet, others: LineSet, not_compared: Sequence[str]) -> EpochStations:
     """Return the stations of lines, and what the others have there; kinds that are not compared do not make places visible."""
     tells = ~np.isin(others.kind, not_compared)
+    cut = LinesToCut(others)
     columns: list[tuple[AnyArray, ...]] = []
     for i in range(len(lines)):
         axis = axis_along("", lines[i].xyz)
@@ -90,7 +91,7 @@ def epoch_stations(lines: LineSet, others: LineSet, not_compared: Sequence[str])
         sigma = np.column_stack(
             [np.interp(along, vertex_m, s[first:last]) for s in (lines.sigma_xy_m, lines.sigma_z_m)]
         )
-        found = _partners(axis, str(lines.kind[i]), str(lines.form[i]), others, tells)
+        found = _partners(axis, str(lines.kind[i]), str(lines.form[i]), cut, tells)
         columns.append(
             (np.full(n, i), along, axis.xyz, axis.left, lines.bridged[first:last][nearest], *found, sigma)
         )
@@ -110,13 +111,13 @@ def epoch_stations(lines: LineSet, others: LineSet, not_compared: Sequence[str])
     )
 
 
-def _partners(axis: Axis, kind: str, form: str, others: LineSet, tells: BoolArray) -> tuple[AnyArray, ...]:
+def _partners(axis: Axis, kind: str, form: str, cut: LinesToCut, tells: BoolArray) -> tuple[AnyArray, ...]:
     """Return the nearest line of the same kind at each station, its differences, whether the place was visible, and others."""
     n = len(axis.station_m)
     partner, across, up = np.full(n, -1), np.full(n, np.nan), np.full(n, np.nan)
     sigma, hidden, visible = np.zeros((n, 2)), np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     instead, instead_m = np.full(n, -1), np.zeros(n)
-    cuts = cross_cuts(others, axis, reach_m=_VISIBLE_M)
+    others, cuts = cut.lines, cross_cuts(cut, axis, reach_m=_VISIBLE_M)
     if len(cuts):
         visible[cuts.station[~cuts.bridged & tells[cuts.line]]] = True
         # Wires hang above each other, as do the pipes of a rail: they are told apart in space

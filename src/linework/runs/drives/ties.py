@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
-from linework.lines.crosscuts import axis_along, cross_cuts
+from linework.lines.crosscuts import LinesToCut, axis_along, cross_cuts
 from linework.model.columns import Columns, column
 from linework.model.lines import STACKED_FORM, LineSet
 from linework.runs.drives.adjustment import DriveTies, PathCorrection
@@ -172,6 +172,7 @@ def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet
     """Return what each line of a drive has in common with the other drive's lines of its kind."""
     met: list[MetLine] = []
     kinds = {kind: others.take(others.kind == kind) for kind in TIE_KINDS if kind != "lane_marking_dash"}
+    to_cut = {kind: LinesToCut(own) for kind, own in kinds.items()}
     is_exact = ~np.isin(lines.form, _INEXACT_FORMS)
     for i in np.flatnonzero(
         np.isin(lines.kind, list(kinds)) & is_exact & (lines.length_m >= _PIECE_M)
@@ -179,7 +180,7 @@ def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet
         kind = str(lines.kind[i])
         axis = axis_along("", lines[i].xyz)
         time, other_s = one.passing_s(axis.xyz[:, :2]), other.passing_s(axis.xyz[:, :2])
-        cuts = cross_cuts(kinds[kind], axis, reach_m=2.0 * FIRST_REACH_M)
+        cuts = cross_cuts(to_cut[kind], axis, reach_m=2.0 * FIRST_REACH_M)
         same = (np.abs(cuts.cosine) >= _PARALLEL) & ~cuts.bridged
         same &= np.isfinite(time[cuts.station]) & np.isfinite(other_s[cuts.station])
         own = cross_cuts(lines.take([i]), axis, reach_m=0.05)
