@@ -64,3 +64,5 @@ def test_a_car_on_the_road_is_no_unevenness():
 def test_what_is_not_known_is_said():
     assert np.isnan(beside(waves, per_m2=3.0)).all()
     assert np.isnan(beside(waves, form=places.KERB)).all()
+    # A wall may stand in a garden
+    assert (beside(waves, form=places.BARRIER) > 0.01**2).all()

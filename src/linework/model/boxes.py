@@ -67,8 +67,7 @@ class BoxSet(Columns):
         noise and the survey's own roughness cancel; NaN for other forms.
     uneven_m2, uneven_right_m2
         (n,) float64 [m2]: variance of the ground's own unevenness on the left and on the right of a boundary, over some
-        metres and beyond the noise of the points, which may make it negative; NaN where it is not known, for kerbs and
-        for barriers.
+        metres and beyond the noise of the points, which may make it negative; NaN where it is not known and for kerbs.
     n_points
         (n,) int64: number of points that the reference line was measured from.
     time_start_s, time_end_s

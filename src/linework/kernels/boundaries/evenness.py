@@ -30,7 +30,6 @@ from linework.kernels.cells.floor import (
     plane_of,
 )
 from linework.kernels.cells.places import (
-    BARRIER,
     BOX_CELL_M,
     BOX_UX,
     BOX_UY,
@@ -41,8 +40,8 @@ from linework.kernels.cells.places import (
 )
 from linework.kernels.tracking.small_systems import factor, solve
 
-#: Length of the window along the box, and its extent from the box, past gutter stones, to the width of a lane. [m]
-WINDOW_M, _NEAREST_M, _FARTHEST_M = 4.0, 0.4, 3.4
+#: Length of the window along the box, and its extent from the box: past gutter stones, and within the narrowest road. [m]
+WINDOW_M, _NEAREST_M, _FARTHEST_M = 4.0, 0.4, 2.4
 #: Unknowns of an even surface: height, slopes along and across, twist, and bow across (crown, ruts).
 _UNKNOWNS = 5
 #: Fewest cells of a window, fewest points of a cell, and of one whose own scatter is measured: a plane has three unknowns.
@@ -66,8 +65,8 @@ _ALONG, _ACROSS, _HEIGHT, _COUNT, _SCATTER = range(5)
 def unevenness_beside(sums: FloatArray, span: IntArray, boxes: FloatArray) -> FloatArray:
     """Return the variance of the ground's own unevenness to the left and to the right of boxes, (n, 2) [m2].
 
-    Negative where the cells differ less than the noise of their points explains; NaN with too few points, and for kerbs
-    and barriers, which stand up by themselves.
+    Negative where the cells differ less than the noise of their points explains; NaN with too few points, and for kerbs,
+    which are built.
 
     Parameters
     ----------
@@ -80,7 +79,7 @@ def unevenness_beside(sums: FloatArray, span: IntArray, boxes: FloatArray) -> Fl
     most = int(2.0 * np.hypot(_FARTHEST_M, 0.5 * WINDOW_M) / BOX_CELL_M) + 3
     cells = np.empty((most * most, 5))
     for i in range(len(boxes)):
-        if boxes[i, FORM] == KERB or boxes[i, FORM] == BARRIER:
+        if boxes[i, FORM] == KERB:
             continue
         ux, uy = boxes[i, BOX_UX], boxes[i, BOX_UY]
         for side in range(2):

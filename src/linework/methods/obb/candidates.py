@@ -68,7 +68,8 @@ def candidate_lines(candidates: Sequence[Candidate], taken: LineSet) -> LineSet:
 
     Notes
     -----
-    The confidence is that of a line's own measurements, before what lies beside it was considered.
+    The confidence is that of a line's own measurements, the evenness of the ground among them, before the lines beside it
+    were considered.
     """
     sets = []
     for kind in dict.fromkeys(c.kind for c in candidates):

@@ -97,6 +97,8 @@ class Joining:
         Lane markings, and other paint.
     beside
         Edges that were measured close beside a kerb.
+    off_road
+        Edges of open land.
     parallel
         Edges beside the boundaries, each with its role.
     keeps_candidates
@@ -116,6 +118,7 @@ class Joining:
     markings: Sequence[SmoothMarking] = ()
     other: Sequence[SmoothMarking] = ()
     beside: Sequence[SmoothBoundary] = ()
+    off_road: Sequence[SmoothBoundary] = ()
     parallel: Sequence[tuple[SmoothBoundary, str]] = ()
     keeps_candidates: bool = False
     candidates: Sequence[Candidate] = ()
@@ -226,15 +229,15 @@ def keep_consistent(now: Joining) -> Joining:
     why = ends_of_carriageway(now)
     changes = [*now.channels, *now.changes]
     edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(changes, "road_boundary", why)
+    edges += left_out(now.off_road, "road_boundary", OPEN_LAND)
     known, n_channels = len(now.boundaries), np.count_nonzero(why[: len(now.channels)] == "")
     changes = [line for line, reason in zip(changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
-    off_road = np.array([b.on_road < EVEN for b in boundaries], dtype=np.bool_)
     is_change = np.arange(len(boundaries)) >= known
     is_channel = is_change & (np.arange(len(boundaries)) < known + n_channels)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
     is_sure = is_kerb | np.array(
-        [b.confidence * b.on_road >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
+        [b.confidence >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
     )
     # A channel alone takes no paint, nor does that on its gutter stones take it: what is farther behind was weighed
     takes_paint = is_sure & ~is_channel
@@ -248,7 +251,7 @@ def keep_consistent(now: Joining) -> Joining:
     width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
     # What bounds no carriageway, whatever paint there is, does not say what is behind one
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(now.markings), path)
-    bounds = is_sure & (why == "") & ~off_road
+    bounds = is_sure & (why == "")
     lanes = axes_of_lines(now.markings)
     behind, is_stone = (
         behind_boundaries(
@@ -261,7 +264,6 @@ def keep_consistent(now: Joining) -> Joining:
     # A boundary has a carriageway in front of it and none behind it: what may be stone is not in front of what is behind
     paint = [axis for axis, yes in zip(lanes, is_stone | behind, strict=True) if not yes]
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, paint, path)
-    why = np.where((why == "") & off_road, OPEN_LAND, why)
     edges += left_out(boundaries, "road_boundary", why)
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # What a boundary is called does not change which lines it bears out
@@ -375,12 +377,14 @@ def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
 
 
 def _boundaries(now: Joining, boxes: BoxSet) -> tuple[Joining, list[SmoothBoundary]]:
-    """Return the boundaries through boxes of one form."""
+    """Return the boundaries through boxes of one form; what is on open land says nothing about a road beside it."""
     tracks = track_lines(boxes, now.config, width_m=SAME_BOUNDARY_M)
     if now.keeps_candidates:
         unlikely = boundary_lines.unlikely_boundaries(boxes, tracks, now.is_visible)
         now = _aside(now, [Candidate(line, "road_boundary", why) for line, why in unlikely])
-    return now, boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)
+    found = boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)
+    off_road = [b for b in found if b.on_road < EVEN]
+    return replace(now, off_road=[*now.off_road, *off_road]), [b for b in found if b.on_road >= EVEN]
 
 
 def _aside(now: Joining, candidates: Sequence[Candidate]) -> Joining:

@@ -27,7 +27,8 @@ from linework.model.points import Points
 from linework.model.settings import Settings, setting
 from linework.model.tile import TileData, local_origin
 
-#: A box depends on the points within this of its cell only: a search area of 2 m, and the facets around it. [m]
+#: A box depends on the points within this of its cell only: a search area of 2 m, the facets around it, and the ground
+#: beside it (3.5 m). [m]
 BOUNDARY_REACH_M = 6.0
 #: Heights over the ground of the points that are used: feet of walls are above it, floors under grass below. [m]
 BOUNDARY_BAND_M = (-0.30, 0.60)

@@ -39,7 +39,7 @@ CHANNEL_IS_EDGE = 0.8
 #: Unevenness over some metres at which a road is as likely as open land, and classes of ISO 8608 between the two: public
 #: roads are of class A to C, land that is driven over of E to G. The figure is what is left of class D (1024e-6 m3 at 0.1
 #: cycles/m, alike in all directions) in the windows of `linework.kernels.boundaries.evenness`. [m]
-POOR_ROAD_M, CLASSES_APART = 0.0068, 4.0
+POOR_ROAD_M, CLASSES_APART = 0.0066, 4.0
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
@@ -78,8 +78,8 @@ class SmoothBoundary:
     scores, contrasts, rougher
         (k,) float64: those of the boxes.
     on_road
-        Chance that the ground on its carriageway's side is a road and no open land, by its evenness alone; 1 for kerbs
-        and barriers, which stand up by themselves.
+        Chance that the ground on its carriageway's side is a road and no open land, by its evenness alone; 1 for kerbs,
+        which are built.
     """
 
     line: SmoothLine
@@ -100,7 +100,8 @@ def facing(boxes: BoxSet, path: Sequence[LineAxis]) -> BoxSet:
 
     Where there is none, either side may be the carriageway's: the more even one counts.
     """
-    either = np.fmin(boxes.uneven_m2, boxes.uneven_right_m2)
+    left, right = boxes.uneven_m2, boxes.uneven_right_m2
+    either = np.fmin(left, right)
     if not path or len(boxes) == 0:
         return replace(boxes, uneven_m2=either)
     xy = np.concatenate([axis.xy for axis in path])
@@ -110,10 +111,10 @@ def facing(boxes: BoxSet, path: Sequence[LineAxis]) -> BoxSet:
     turned = near & (boxes.u[:, 0] * step[:, 1] - boxes.u[:, 1] * step[:, 0] < 0.0)
     sign = np.where(turned, -1.0, 1.0)
     contrast = np.where(turned, 1.0 / boxes.contrast, boxes.contrast)
-    left = np.where(turned, boxes.uneven_right_m2, boxes.uneven_m2)
     return replace(
         boxes, u=boxes.u * sign[:, None], height_m=boxes.height_m * sign, contrast=contrast,
-        uneven_m2=np.where(near, left, either),
+        uneven_m2=np.where(turned, right, np.where(near, left, either)),
+        uneven_right_m2=np.where(turned, left, right),
     )  # fmt: skip
 
 
@@ -185,7 +186,7 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
         sigma_z_m=np.hypot(line.sigma_z_m, height[1]),
     )
     confidence = confidence_of(boxes.score[box], line.sigma_xy_m)
-    on_road = 1.0 if form in (BoxForm.KERB, BoxForm.BARRIER) else chance_of_road(boxes, box)
+    on_road = 1.0 if form == BoxForm.KERB else chance_of_road(boxes, box)
     if form == BoxForm.CHANNEL:
         confidence *= CHANNEL_IS_EDGE
     return SmoothBoundary(
