@@ -6,7 +6,7 @@ from tests.scenes.box_scenes import bend, boxes_on, everything_seen, straight
 
 from linework.methods.tracking.line_ends import from_longest_gap
 from linework.methods.tracking.marking_lines import marking_lines
-from linework.methods.tracking.mouths import NO_MOUTHS, Mouths
+from linework.methods.tracking.mouths import LEAST_MOUTH_M, NO_MOUTHS, Mouths
 from linework.methods.tracking.neighbours import LineAxis
 from linework.methods.tracking.track import TrackConfig, track_lines
 
@@ -54,6 +54,13 @@ def lines_through(boxes, bounds=(), seen=everything_seen):
     return sorted((float(m.line.xyz[:, 0].min()), float(m.line.xyz[:, 0].max())) for m in found)
 
 
+def chance_at_the_gap(boxes, bounds):
+    """Return how likely boundaries beside the only gap of boxes would be open by chance."""
+    box = np.arange(len(boxes))
+    (before,) = np.flatnonzero(np.diff(boxes.along(box)) > LEAST_MOUTH_M)
+    return float(Mouths(bounds, everything_seen).chances(boxes, box, np.array([before]))[0])
+
+
 def test_a_little_worn_line_ends_at_mouths_that_take_a_third_of_it():
     found = lines_through(paint((MOUTHS, MOUTH_M), (WORN, 1.5)), kerbs())
     assert len(found) == 6
@@ -68,6 +75,25 @@ def test_a_little_worn_line_ends_at_mouths_that_take_a_third_of_it():
 )
 def test_a_worn_line_goes_on_where_no_boundary_leads_away(bounds):
     assert len(lines_through(paint((MOUTHS, MOUTH_M), (WORN, 1.5)), bounds)) == 1
+
+
+def test_a_boundary_on_the_other_side_closes_no_mouth():
+    # A line 0.4 m beside a kerb, and as near to another on its other side: a lane between two islands
+    mouth = np.array([45.0])
+    boxes = paint((mouth, MOUTH_M))
+    other = axis(np.linspace(0.0, LENGTH_M, 60), np.full(60, -0.4))
+    alone = chance_at_the_gap(boxes, kerbs(mouth, y=0.4))
+    assert alone < 0.1
+    assert chance_at_the_gap(boxes, [*kerbs(mouth, y=0.4), other]) == alone
+
+
+def test_what_leads_away_on_the_other_side_opens_no_mouth():
+    mouth = np.array([45.0])
+    boxes = paint((mouth, MOUTH_M))
+    leaves_off = kerbs(mouth, turns=False, y=0.4)
+    for y, chance in (([0.1, 0.7], 0.06), ([-0.1, -0.7], 1.0)):
+        ends = [axis([x, x], y) for x in (50.0, 53.0)]
+        assert chance_at_the_gap(boxes, [*leaves_off, *ends]) == pytest.approx(chance, abs=0.01)
 
 
 def test_a_line_goes_on_where_what_is_beside_it_is_hidden():

@@ -23,6 +23,8 @@ def with_bends(samples: Iterable[Sample]) -> list[Sample]:
     Lines go straight from one measured place to the next, and each place is a mean over some of the line: where a kerb
     begins to drop, both cut the corner. The bend is seen in the second difference of three neighbouring stations, beyond
     what their deviations make of it; that of the station before or behind counts too, since the bend may lie on either side.
+    Where a value goes over from one line to another, as a width at a bay, it steps, and no line cuts a corner: only stations
+    between the same two lines are compared.
 
     Examples
     --------
@@ -32,10 +34,13 @@ def with_bends(samples: Iterable[Sample]) -> list[Sample]:
     [0.002, 0.002, 0.02, 0.02, 0.02, 0.02]
     """
     found = list(samples)
-    lines: dict[tuple[str, str, str], dict[int, int]] = defaultdict(dict)
+    lines: dict[tuple[str, str, str, str], dict[int, int]] = defaultdict(dict)
+    # Counted from the first: chainages may begin at half a station, and no two may be rounded to one number
+    start_m = found[0].station_m if found else 0.0
     for number, one in enumerate(found):
         if one.value is not None and math.isfinite(one.sigma):
-            lines[one.topic, one.quantity, one.line][round(one.station_m / STATION_M)] = number
+            station = round((one.station_m - start_m) / STATION_M)
+            lines[one.topic, one.quantity, one.line, one.between][station] = number
     for numbers in lines.values():
         added = {
             k: _unseen_variance(*(found[numbers[i]] for i in (k - 1, k, k + 1)))

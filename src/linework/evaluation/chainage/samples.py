@@ -45,6 +45,8 @@ class Sample(NamedTuple):
         What was measured, and of which line, or of which two.
     value, sigma
         The value and its standard deviation; None where it was hidden, NaN where the deviation is not known.
+    between
+        Names of the two lines whose difference it is, "" where it is none.
     """
 
     station_m: float
@@ -54,6 +56,7 @@ class Sample(NamedTuple):
     line: str
     value: float | None
     sigma: float
+    between: str = ""
 
 
 class Crossing(NamedTuple):
@@ -120,7 +123,9 @@ def _between(
     """Return a difference of two lines, None where one of them was not measured."""
     sigmas = (a.sigma_z_m, b.sigma_z_m) if axis == "z" else (a.sigma_xy_m, b.sigma_xy_m)
     known = None if a.bridged or b.bridged else value
-    return Sample(s, offset_m, topic, quantity, name, known, math.hypot(*sigmas))
+    return Sample(
+        s, offset_m, topic, quantity, name, known, math.hypot(*sigmas), between=f"{a.name} | {b.name}"
+    )
 
 
 def lanes_at(bounds: list[Crossing]) -> list[tuple[Crossing, Crossing]]:

@@ -104,13 +104,14 @@ class Mouths:
         for side in (1.0, -1.0):
             across = side * left
             offset = np.full(len(place), np.inf)
+            # The line may be nearer to its boundary than `GOES_ON_M`: what is on its other side is another one
             is_here = is_along & (across > 0.0)
             np.minimum.at(offset, at[is_here], across[is_here])
             expected = _expected(offset, inside)
             if expected is None:
                 continue
             is_bare = np.ones(len(place), dtype=np.bool_)
-            is_bare[at[is_along & (np.abs(across - expected[at]) <= GOES_ON_M)]] = False
+            is_bare[at[is_here & (np.abs(across - expected[at]) <= GOES_ON_M)]] = False
             normal = side * np.column_stack([-along[:, 1], along[:, 0]])
             is_open = is_bare & self._visible(place + expected[:, None] * normal)
             closed = np.flatnonzero(~is_bare)
@@ -122,7 +123,9 @@ class Mouths:
             ):
                 continue
             # The opening reaches from the last to the first boundary: the corners of a street are wider than the gap
-            in_mouth = (at > first[-1]) & (at < last[0]) & (across > expected[at] - GOES_ON_M)
+            in_mouth = (
+                (at > first[-1]) & (at < last[0]) & (across > np.maximum(expected[at] - GOES_ON_M, 0.0))
+            )
             if len(np.unique(own[turns & in_mouth])) >= LEAST_TURNING:
                 around = np.concatenate([is_bare[: first[-1] + 1], is_bare[last[0] :]])
                 open_m, seen_m = MOUTH_PLACE_M * np.count_nonzero(around), MOUTH_PLACE_M * len(around)
