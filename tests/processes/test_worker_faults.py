@@ -19,11 +19,16 @@ from tests.processes.test_pool import _lives, modules
 
 from linework.processes.child import Child, ChildEndedError
 from linework.processes.executors import Serial
+from linework.processes.forked import ForkServer
 from linework.processes.pool import Processes
 
+#: What the processes of the pool run.
+WORKER = "linework.processes.pool:tile_worker_main"
 WORK = """
-import os, random, resource, signal, struct, time
+import os, pickle, random, resource, signal, struct, time
 from pathlib import Path
+
+from linework.processes import forked
 
 NOTES = Path(os.environ.get("LINEWORK_TEST_NOTES", "."))
 
@@ -85,6 +90,16 @@ def nonsense(channel, arguments):
     channel.receive()
     channel._socket.sendall(struct.pack("!Q", 1 << 62))
     time.sleep(60)
+
+
+def talk_nonsense(what):
+    # The process that workers are forked from says how they end, until its memory is damaged
+    def tell(channel, handles):
+        channel._socket.sendall({"length": struct.pack("!Q", 1 << 62), "words": struct.pack("!Q", 3) + b"abc",
+                                 "number": struct.pack("!Q", len(pickle.dumps(7))) + pickle.dumps(7)}[what])
+        time.sleep(60)
+
+    forked._tell = tell
 """
 
 
@@ -128,6 +143,64 @@ def test_a_task_that_kills_every_worker_fails_alone_by_name(work, tmp_path, modu
     ]
     assert len((tmp_path / "notes" / "5").read_text()) == 2
     assert sum(len(p.read_text()) for p in (tmp_path / "notes").iterdir()) == 13, "no neighbour is run again"
+
+
+def test_workers_that_died_before_any_is_asked_are_all_told_of():
+    """What the process they were forked from says of them comes in one piece, of which each takes its own."""
+    server = ForkServer(WORKER, 2, modules=["linework.errors"])
+    for worker in server.workers:
+        os.kill(worker.pid, signal.SIGKILL)
+        while Path(f"/proc/{worker.pid}").exists():
+            time.sleep(0.01)
+    endings = []
+    for worker in server.workers:
+        with pytest.raises(ChildEndedError) as caught:
+            worker.read_object()
+        endings.append(str(caught.value.ending))
+    end_all(server)
+    assert endings == ["died (SIGKILL)"] * 2
+
+
+@pytest.mark.parametrize("what", ["length", "words", "number"])
+def test_workers_end_with_a_process_that_says_nonsense_of_them(work, what):
+    server = ForkServer(WORKER, 2, modules=["faulty_work"], prepare=["faulty_work:talk_nonsense", what])
+    try:
+        dead, other = server.workers
+        os.kill(dead.pid, signal.SIGKILL)
+        with pytest.raises(ChildEndedError, match=r"^died \(SIGKILL\)$"):
+            dead.receive(60.0)
+        with pytest.raises(ChildEndedError, match=r"^died \(SIGKILL\)$"):
+            other.receive(60.0)
+        assert not server.is_running
+    finally:
+        end_all(server)
+
+
+def test_processes_that_stand_still_are_ended_all_at_once(work, modules, monkeypatch):
+    waits = []
+    monkeypatch.setattr(
+        Child, "wait", lambda child, real=Child.wait: (waits.append(real(child)), waits[-1])[1]
+    )
+    with Processes(3, modules=modules) as executor:
+        outcomes(executor, work.square, [1, 2, 3])
+        pids = [worker.pid for worker in executor._workers]
+        for pid in (executor._server._child.pid,) if executor._server else pids:
+            os.kill(pid, signal.SIGSTOP)
+    assert {str(ending) for ending in waits} == {"died (SIGKILL)"}
+    wait_gone(pids)
+
+
+def end_all(server: ForkServer) -> None:
+    """End a process and the workers forked from it, and close their channels."""
+    server.end()
+    for worker in server.workers:
+        worker.end()
+
+
+def wait_gone(pids: list[int]) -> None:
+    """Wait until processes have ended."""
+    while any(map(_lives, pids)):
+        time.sleep(0.01)
 
 
 def test_a_worker_without_memory_fails_its_task_by_name(work, modules):

@@ -33,6 +33,7 @@ from linework.model.survey import Survey
 from linework.processes.identity import identity_of
 from linework.processes.system import usable_cores
 from linework.published.methods import Obb2023, Radon2002, Stereo1992, published_method
+from linework.runs.compile import compiled_for
 from linework.runs.drives.adjusted import find_lines_of_drives
 from linework.runs.extract import with_log
 from linework.runs.opened.cluster import cluster_executor
@@ -199,7 +200,12 @@ def extract(
                 chosen,
                 has_images=has_pairs,
                 has_own_code=bool(own),
-                names=[kind for method in asked for kind in method.kinds],
+                names=compiled_for(
+                    recordings.survey,
+                    [kind for method in asked for kind in method.kinds],
+                    images=has_pairs,
+                    in_memory=recordings.points is not None,
+                ),
             )
         )
         found = find_lines_of_drives(

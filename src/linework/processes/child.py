@@ -222,10 +222,17 @@ class Child:
         except (EOFError, OSError, ValueError) as error:
             raise ChildEndedError(self._ending(error)) from error
 
+    def wait(self) -> Ending:
+        """Return how it ended, after its end of the socket was closed, or it was killed."""
+        try:
+            return Ending.of_code(self._process.wait(timeout=ENDING_S))
+        except subprocess.TimeoutExpired:
+            return Ending("hung", "it closed its connection")
+
     def kill(self) -> Ending:
         """End the process, whatever it is doing, and return how it ended; its socket stays open."""
         self._process.kill()
-        return self._wait()
+        return self.wait()
 
     def end(self) -> None:
         """End the process, and close this end of its socket."""
@@ -234,14 +241,7 @@ class Child:
 
     def _ending(self, error: Exception) -> Ending:
         """Return why nothing more is to be expected of it, by the error that its socket gave."""
-        return NONSENSE if isinstance(error, ValueError) else self._wait()
-
-    def _wait(self) -> Ending:
-        """Return how it ended, after its end of the socket was closed."""
-        try:
-            return Ending.of_code(self._process.wait(timeout=ENDING_S))
-        except subprocess.TimeoutExpired:
-            return Ending("hung", "it closed its connection")
+        return NONSENSE if isinstance(error, ValueError) else self.wait()
 
     def _read_words(self, pipe: IO[bytes]) -> None:
         """Keep the end of what it prints on stderr until it ends, in a thread."""

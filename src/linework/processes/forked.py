@@ -12,17 +12,24 @@ import contextlib
 import gc
 import importlib
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from linework.processes.channel import Channel, wait_readable
-from linework.processes.child import Child, ChildEndedError
+from linework.processes.child import Child
 from linework.processes.connection import Offer, connect_to_parent, offer_connection
 from linework.processes.system import ProcessHandle, die_with_parent, fork_process, has_one_thread
+
+#: Workers that are killed are gone within milliseconds. Where the process that they were forked from does not say so (it
+#: stands still), it is killed after this, and they with it. [s]
+_ALL_END_S = 1.0
+#: The longest message names the processes of all workers; what is longer makes no sense. [bytes]
+_LONGEST_BYTES = 1 << 20
 
 
 class ForkServer:
@@ -53,7 +60,7 @@ class ForkServer:
             addresses = ",".join(offer.address for offer in offers)
             self._child = Child(
                 "linework.processes.forked:fork_server_main", target, addresses, " ".join(prepare), *modules,
-                hands_on=offers,
+                longest_bytes=_LONGEST_BYTES, hands_on=offers,
             )  # fmt: skip
             self.workers: list[Child] = [_ForkedChild(self, n, offer) for n, offer in enumerate(offers)]
 
@@ -64,7 +71,7 @@ class ForkServer:
 
     def pid_of(self, number: int) -> int:
         """Return the number of a worker's process once it is there, or of its server if it will not be."""
-        self._hear(lambda: bool(self._pids))
+        self._hear(lambda: bool(self._pids or self._codes))
         return self._pids[number] if self._pids else self._child.pid
 
     def code_of(self, number: int, timeout_s: float | None = None) -> int | None:
@@ -74,6 +81,8 @@ class ForkServer:
 
     def kill(self, number: int) -> None:
         """End a worker by force."""
+        if number in self._codes:
+            return
         self._hear(lambda: bool(self._pids), 0.0)
         if self._pids:
             self._child.send_object(number)
@@ -82,7 +91,11 @@ class ForkServer:
 
     def end(self) -> None:
         """End the process, and all its workers with it."""
+        for number in range(self._n_workers):
+            self.kill(number)
+        self._hear(lambda: len(self._codes) == self._n_workers, _ALL_END_S)
         self._child.end()
+        self._note_end()
 
     def _hear(self, has_heard: Callable[[], bool], timeout_s: float | None = None) -> None:
         """Take in what the process says until something is known, it has ended, or a time [s] is over."""
@@ -90,19 +103,29 @@ class ForkServer:
         while not has_heard():
             left_s = None if deadline is None else max(deadline - time.monotonic(), 0.0)
             try:
-                if left_s is not None and not wait_readable([self._child], left_s):
-                    return
-                said = self._child.read_object()
-            except (ChildEndedError, ValueError):  # its workers end with it, and as it did
-                code = self._child.code
-                self._codes = (
-                    dict.fromkeys(range(self._n_workers), -1 if code is None else code) | self._codes
-                )
+                self._take_in(self._child.channel.receive_object(left_s))
+            except TimeoutError:
                 return
-            if isinstance(said, list):
-                self._pids = said
-            elif said is not None:
-                self._codes |= dict([said])
+            except Exception as error:  # it has ended, or damaged memory has left it with nonsense to say
+                if isinstance(error, EOFError | OSError):
+                    self._child.wait()
+                self._child.kill()
+                self._note_end()
+                return
+
+    def _take_in(self, said: Any) -> None:
+        """Keep what the process says: the numbers of the processes, or the number and the exit code of a worker."""
+        if isinstance(said, list):
+            self._pids = said
+        else:
+            number, code = said
+            self._codes[number] = code
+
+    def _note_end(self) -> None:
+        """Note that the workers have ended with the process, and as it did."""
+        code = self._child.code
+        ended = dict.fromkeys(range(self._n_workers), -signal.SIGKILL if code is None else code)
+        self._codes = ended | self._codes
 
 
 class _Forked:

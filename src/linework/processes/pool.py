@@ -137,10 +137,10 @@ class Processes:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """End the processes."""
-        for worker in self._workers:
-            worker.end()
         if self._server is not None:
             self._server.end()
+        for worker in self._workers:
+            worker.end()
 
 
 def tile_worker_main(channel: Channel, modules: list[str]) -> None:

@@ -35,18 +35,22 @@ _MOST_OF_MESSAGE = 300
 _FEW_KERNELS = 6
 
 
-def compiled_for(survey: Survey, kinds: Iterable[str], *, images: bool) -> tuple[str, ...]:
-    """Return the names for `compile_stage` of what an extraction comes to.
+def compiled_for(
+    survey: Survey, kinds: Iterable[str], *, images: bool, in_memory: bool = False
+) -> tuple[str, ...]:
+    """Return the names for `compile_stage` and `loading_of` of what an extraction comes to.
 
     Parameters
     ----------
     images
         Whether stereo pairs are looked at, if the survey has any.
+    in_memory
+        Whether it has points that are in no file.
     """
     has_pairs = images and survey.has_pairs
     is_located = survey.trajectory_file is None and "navigation" in survey.settings
     others = {
-        "points": bool(survey.point_files), "columns": bool(survey.carry), "stereo": has_pairs,
+        "points": in_memory or bool(survey.point_files), "columns": bool(survey.carry), "stereo": has_pairs,
         "trajectory": is_located,
     }  # fmt: skip
     return (*kinds, *(name for name, is_needed in others.items() if is_needed))
@@ -98,9 +102,14 @@ def compile_stage(names: Iterable[str], steps: RunSteps, *, needs_all: bool = Fa
 
 
 def loading_of(names: Iterable[str]) -> tuple[str, ...]:
-    """Return what `linework.processes.pool.Processes` is prepared by for some names (see `compile_stage`); (): not compiled."""
+    """Return what `linework.processes.pool.Processes` is prepared by for some names (see `compile_stage`).
+
+    Only what is compiled is loaded; () where none of it is.
+    """
     groups = sorted({_GROUP_OF[name] for name in names if name in _GROUP_OF})
-    return ("linework.kernels.compiling:load_kernels", *groups) if groups and is_compiled(groups) else ()
+    if not is_compiled(groups):
+        groups = [group for group in groups if is_compiled([group])]
+    return ("linework.kernels.compiling:load_kernels", *groups) if groups else ()
 
 
 def _compile_all(kernels: Sequence[CalledKernel], advance: Advance) -> list[str]:

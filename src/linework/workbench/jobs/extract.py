@@ -15,6 +15,7 @@ from typing import Any
 from linework.errors import UsageError
 from linework.methods.kinds import recordings_for
 from linework.processes.system import give_way, usable_cores
+from linework.runs.compile import compiled_for
 from linework.runs.opened.made import RUNS, claim, remove_made
 from linework.runs.opened.recordings import opened_recordings
 from linework.runs.opened.store import executor_for, promised_points
@@ -58,19 +59,18 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
     with contextlib.ExitStack() as held:
         reporter = held.enter_context(_reporter(session.report))
         steps = RunSteps(reporter)
+        wanted = recordings_for(request.method, request.kinds)
         executor = held.enter_context(
             executor_for(
-                promised_points(survey), n_workers, settings, has_images=survey.has_pairs, names=request.kinds
+                promised_points(survey),
+                n_workers,
+                settings,
+                has_images=survey.has_pairs,
+                names=compiled_for(survey, request.kinds, images=wanted["images"]),
             )
         )
         recordings = held.enter_context(
-            opened_recordings(
-                survey,
-                session.work,
-                n_threads=n_workers,
-                steps=steps,
-                **recordings_for(request.method, request.kinds),
-            )
+            opened_recordings(survey, session.work, n_threads=n_workers, steps=steps, **wanted)
         )
         name = _folder_name(request)
         claim(session.work, name)
