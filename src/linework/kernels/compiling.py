@@ -69,7 +69,7 @@ def compile_kernel(kernel: CalledKernel) -> str:
 
 
 def load_kernels(*groups: str) -> None:
-    """Load the compiled kernels that some groups of methods call; one that cannot be is left to who comes to it."""
+    """Load the compiled kernels that groups of methods call. One that fails to load fails again, with its error, when used."""
     for kernel in called_kernels(groups):
         with contextlib.suppress(Exception):
             compile_kernel(kernel)

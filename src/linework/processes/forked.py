@@ -12,7 +12,6 @@ import contextlib
 import gc
 import importlib
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -23,7 +22,13 @@ from typing import Any, NoReturn
 from linework.processes.channel import Channel, wait_readable
 from linework.processes.child import Child
 from linework.processes.connection import Offer, connect_to_parent, offer_connection
-from linework.processes.system import ProcessHandle, die_with_parent, fork_process, has_one_thread
+from linework.processes.system import (
+    KILLED_CODE,
+    ProcessHandle,
+    die_with_parent,
+    fork_process,
+    has_one_thread,
+)
 
 #: Workers that are killed are gone within milliseconds. Where the process that they were forked from does not say so (it
 #: stands still), it is killed after this, and they with it. [s]
@@ -124,7 +129,7 @@ class ForkServer:
     def _note_end(self) -> None:
         """Note that the workers have ended with the process, and as it did."""
         code = self._child.code
-        ended = dict.fromkeys(range(self._n_workers), -signal.SIGKILL if code is None else code)
+        ended = dict.fromkeys(range(self._n_workers), KILLED_CODE if code is None else code)
         self._codes = ended | self._codes
 
 

@@ -25,6 +25,8 @@ except ImportError:  # Windows
 
 #: Option of prctl(2): the signal that this process gets when its parent ends.
 _PR_SET_PDEATHSIG = 1
+#: Exit code of a process that was ended by force.
+KILLED_CODE = -9
 #: Linux alone kills a process with its parent.
 _ENDS_WITH_PARENT = sys.platform == "linux"
 #: Between two looks whether the parent is still there: a child that computes ends that much later. [s]

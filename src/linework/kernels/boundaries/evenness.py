@@ -46,9 +46,9 @@ WINDOW_M, _NEAREST_M, _FARTHEST_M = 4.0, 0.4, 2.4
 _UNKNOWNS = 5
 #: Fewest cells of a window, fewest points of a cell, and of one whose own scatter is measured: a plane has three unknowns.
 _LEAST_CELLS, _LEAST_POINTS, _OWN_SCATTER_POINTS = 12, 2, 5
-#: Errors that the points of a cell share (of the trajectory, of a beam, of a pass) over the noise of one point: a fifth is
-#: an estimate. Roads that real airborne surveys measured with 2.5 cm of noise (als-roads t0809, t1178) differ by 0.5 to
-#: 0.7 cm beyond that noise.
+#: Errors that the points of a cell share (of the trajectory, of a beam, of a pass) over the noise of one point. Estimated
+#: on two real airborne surveys that were looked at (als-roads t0809, t1178; 2026-11-28): beyond 2.5 cm of noise, their
+#: roads differ by 0.5 to 0.7 cm.
 SHARED_ERROR = 0.2
 #: Smallest share of the cells whose own scatter is measured.
 _LEAST_SHARE = 0.3

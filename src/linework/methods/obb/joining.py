@@ -97,8 +97,8 @@ class Joining:
         Lane markings, and other paint.
     beside
         Edges that were measured close beside a kerb.
-    off_road
-        Edges of open land.
+    open_land
+        Edges whose carriageway would be open land, by its evenness.
     parallel
         Edges beside the boundaries, each with its role.
     keeps_candidates
@@ -118,7 +118,7 @@ class Joining:
     markings: Sequence[SmoothMarking] = ()
     other: Sequence[SmoothMarking] = ()
     beside: Sequence[SmoothBoundary] = ()
-    off_road: Sequence[SmoothBoundary] = ()
+    open_land: Sequence[SmoothBoundary] = ()
     parallel: Sequence[tuple[SmoothBoundary, str]] = ()
     keeps_candidates: bool = False
     candidates: Sequence[Candidate] = ()
@@ -229,7 +229,7 @@ def keep_consistent(now: Joining) -> Joining:
     why = ends_of_carriageway(now)
     changes = [*now.channels, *now.changes]
     edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(changes, "road_boundary", why)
-    edges += left_out(now.off_road, "road_boundary", OPEN_LAND)
+    edges += left_out(now.open_land, "road_boundary", OPEN_LAND)
     known, n_channels = len(now.boundaries), np.count_nonzero(why[: len(now.channels)] == "")
     changes = [line for line, reason in zip(changes, why, strict=True) if not reason]
     boundaries = [*now.boundaries, *changes]
@@ -377,14 +377,14 @@ def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
 
 
 def _boundaries(now: Joining, boxes: BoxSet) -> tuple[Joining, list[SmoothBoundary]]:
-    """Return the boundaries through boxes of one form; what is on open land says nothing about a road beside it."""
+    """Return the boundaries through boxes of one form; those on open land are set aside: they are evidence of no road."""
     tracks = track_lines(boxes, now.config, width_m=SAME_BOUNDARY_M)
     if now.keeps_candidates:
         unlikely = boundary_lines.unlikely_boundaries(boxes, tracks, now.is_visible)
         now = _aside(now, [Candidate(line, "road_boundary", why) for line, why in unlikely])
     found = boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)
-    off_road = [b for b in found if b.on_road < EVEN]
-    return replace(now, off_road=[*now.off_road, *off_road]), [b for b in found if b.on_road >= EVEN]
+    open_land = [b for b in found if b.on_road < EVEN]
+    return replace(now, open_land=[*now.open_land, *open_land]), [b for b in found if b.on_road >= EVEN]
 
 
 def _aside(now: Joining, candidates: Sequence[Candidate]) -> Joining:

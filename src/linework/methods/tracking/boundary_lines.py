@@ -78,8 +78,8 @@ class SmoothBoundary:
     scores, contrasts, rougher
         (k,) float64: those of the boxes.
     on_road
-        Chance that the ground on its carriageway's side is a road and no open land, by its evenness alone; 1 for kerbs,
-        which are built.
+        Chance that the ground on its carriageway's side is road rather than open land, by its evenness alone; 1 for
+        kerbs, which are built.
     """
 
     line: SmoothLine
@@ -210,7 +210,7 @@ def form_by_ground(boundary: SmoothBoundary) -> SmoothBoundary:
 
 
 def chance_of_road(boxes: BoxSet, box: IntArray) -> float:
-    """Return how likely the ground to the left of boxes (k,) is a road and no open land, 0 to 1; 1 where it is not known.
+    """Return how likely the ground to the left of boxes (k,) is road rather than open land, 0 to 1; 1 if it is not known.
 
     Notes
     -----
