@@ -144,16 +144,26 @@ class _Nodes:
         return is_bare(self.sums("bare"), self.sums("cells"), self._cell_m)[self.group]
 
     def choose_beside(self, wanted: BoolArray, contacts: IntArray) -> None:
-        """Choose the groups of wanted nodes (n,) that have few contacts (k, 3) with the groups that are chosen."""
-        is_chosen = np.zeros(len(self.group), dtype=bool)
-        is_chosen[self.group[self.chosen]] = True
-        group = self.group[contacts[:, :2]]
-        places = np.zeros(len(self.group), dtype=np.int64)
-        for one, other in ((0, 1), (1, 0)):
-            at = is_chosen[group[:, other]]
-            np.add.at(places, group[at, one], contacts[at, 2])
-        few = places <= _FEW_CONTACTS * self.sums("cells")
-        self.choose(np.flatnonzero(wanted & few[self.group]))
+        """Choose the groups of wanted nodes (n,), those with most points first.
+
+        None that touches those chosen before, by contacts (k, 3), at more than a few places: a footway lies along the other
+        carriageway as it does along the one driven on.
+        """
+        places: dict[int, dict[int, int]] = {}
+        for a, b, n in np.column_stack([self.group[contacts[:, :2]], contacts[:, 2]]).tolist():
+            for one, other in ((a, b), (b, a)):
+                beside = places.setdefault(one, {})
+                beside[other] = beside.get(other, 0) + n
+        cells, nodes = self.sums("cells"), self._by_points()
+        taken = set(self.group[self.chosen].tolist())
+        for node in nodes[wanted[nodes] & ~self.chosen[nodes]].tolist():
+            group = int(self.group[node])
+            touched = sum(
+                n for other, n in places.get(group, {}).items() if other in taken and other != group
+            )
+            if touched <= _FEW_CONTACTS * cells[node]:
+                taken.add(group)
+        self.chosen |= np.isin(self.group, list(taken))
 
     def choose_apart(self, wanted: BoolArray, touching: IntArray) -> None:
         """Choose the groups of wanted nodes (n,), those with most points first.

@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import surface as kernels
-from linework.surface.cells import CellWindow
+from linework.surface.cells import CellWindow, drops_of_cells
 from linework.surface.config import RoadConfig
 
 #: Local height origins are whole multiples of this, so that float32 resolves 0.01 mm. [m]
@@ -80,21 +80,28 @@ def count_spreads(spread: Float32Array) -> IntArray:
     return np.asarray(kernels.count_in_steps(spread, _SPREAD_STEP_M, _N_SPREADS))
 
 
+def count_spreads_under(path: FloatArray, heights: CellHeights, z0_m: float, cell_m: float) -> IntArray:
+    """Return the histogram of the spreads of the cells under samples of a path (n, 3) [m, world], (501,) int64."""
+    cells, _ = drops_of_cells(path, heights.window, heights.height, np.isfinite(heights.height), z0_m, cell_m)
+    return count_spreads(heights.spread.ravel()[None, cells])
+
+
 def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:
     """Return the largest spread of a smooth cell [m]: the setting, or 1.5 times the median where all is rough.
 
     >>> rough_limit_m(np.array([5, 1]), RoadConfig()), rough_limit_m(np.eye(1, 101, 100)[0], RoadConfig())
     (0.06, 0.15075)
     """
-    total = np.cumsum(counts)
-    if len(total) == 0 or total[-1] == 0:
-        return config.roughness_m
-    median = (int(np.searchsorted(total, 0.5 * total[-1])) + 0.5) * _SPREAD_STEP_M
-    return max(config.roughness_m, _ROUGH_MEDIANS * median)
+    median = _median_spread_m(counts)
+    return config.roughness_m if np.isnan(median) else max(config.roughness_m, _ROUGH_MEDIANS * median)
 
 
 #: Limit of the spread of a smooth cell in medians of all, for a survey that is rough everywhere.
 _ROUGH_MEDIANS = 1.5
+#: Limit of the spread of a cell about its plane: ruts of 2 cm, or so many times the spread under the path, which is noise,
+#: grade and texture; a cell on which a kerb of 7 cm stands spreads by 2 cm where a tenth of it lies on the other side.
+#: [m], [ratio]
+_RUTS_M, _ROADS_UNEVENNESS = 0.02, 3.0
 
 #: Reach of the median of slopes: 25 cells outvote a kerb. [cells]
 REACH = 2
@@ -102,8 +109,33 @@ REACH = 2
 SLOPE_HALO = REACH + 1
 
 
+def uneven_limit_m(counts: IntArray, config: RoadConfig) -> float:
+    """Return the largest spread of a cell of a road about its plane [m]; `roughness_m` where no path was driven.
+
+    Parameters
+    ----------
+    counts
+        Histogram of the spreads of the cells under the path, as `count_spreads` counts them.
+
+    Examples
+    --------
+    >>> uneven_limit_m(np.eye(1, 101, 10)[0], RoadConfig()), uneven_limit_m(np.zeros(0), RoadConfig())
+    (0.0315, 0.06)
+    """
+    under = _median_spread_m(counts)
+    return config.roughness_m if np.isnan(under) else max(_RUTS_M, _ROADS_UNEVENNESS * under)
+
+
+def _median_spread_m(counts: IntArray) -> float:
+    """Return the median of the spreads of a histogram [m], NaN without any."""
+    total = np.cumsum(counts)
+    if len(total) == 0 or total[-1] == 0:
+        return math.nan
+    return (int(np.searchsorted(total, 0.5 * total[-1])) + 0.5) * _SPREAD_STEP_M
+
+
 def smooth_slopes(
-    height: Float32Array, spread: Float32Array, limit_m: float, config: RoadConfig
+    height: Float32Array, spread: Float32Array, limit_m: float, uneven_m: float, config: RoadConfig
 ) -> tuple[BoolArray, Float32Array, Float32Array]:
     """Return which cells are smooth and not steep, and their slopes east and north.
 
@@ -113,8 +145,8 @@ def smooth_slopes(
         (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32, with a halo. [m]
     spread
         (n_rows, n_cols) float32. [m]
-    limit_m
-        Largest spread of a smooth cell. [m]
+    limit_m, uneven_m
+        Largest spread of a smooth cell, and about the plane of its slopes. [m]
 
     Returns
     -------
@@ -124,7 +156,10 @@ def smooth_slopes(
     smooth = np.asarray(spread <= np.float32(limit_m))  # NaN: no
     network = middle_network((2 * REACH + 1) ** 2)
     east, north = kernels.median_slopes(height, smooth, config.cell_m, REACH, network)
-    smooth &= east * east + north * north <= np.float32(config.max_grade**2)
+    steepness = east * east + north * north
+    smooth &= steepness <= np.float32(config.max_grade**2)
+    # Over a square the heights of a plane spread by slope x side / sqrt(12)
+    smooth &= spread * spread - steepness * np.float32(config.cell_m**2 / 12.0) <= np.float32(uneven_m**2)
     return smooth, east, north
 
 

@@ -127,6 +127,7 @@ def cell_regions(
     path: FloatArray,
     islands: Islands,
     rough_limit_m: float,
+    uneven_m: float,
     is_dense: bool,
     z0_m: float,
     config: RoadConfig,
@@ -145,8 +146,8 @@ def cell_regions(
         (n, 3) samples of the path, at least all those near the window. [m, world]
     islands
         Islands of the survey.
-    rough_limit_m
-        Largest spread of a smooth cell. [m]
+    rough_limit_m, uneven_m
+        Largest spread of a smooth cell, and about its plane. [m]
     is_dense
         Whether single low cells may be stray.
     z0_m
@@ -155,7 +156,7 @@ def cell_regions(
     cell, halo = config.cell_m, region_halo(config)
     near = slice(halo - SLOPE_HALO, SLOPE_HALO - halo or None)
     smooth, east, north = smooth_slopes(
-        np.ascontiguousarray(height[near, near]), spread, rough_limit_m, config
+        np.ascontiguousarray(height[near, near]), spread, rough_limit_m, uneven_m, config
     )
     earth, gentle = bare_cells(window, height, halo, blocks, is_dense, config)
     height = np.ascontiguousarray(height[halo:-halo, halo:-halo])

@@ -37,8 +37,10 @@ from linework.surface.heights import (
     CellHeights,
     cell_heights,
     count_spreads,
+    count_spreads_under,
     height_origin,
     rough_limit_m,
+    uneven_limit_m,
 )
 from linework.surface.regions import Islands, cell_regions, cells_with, region_halo
 from linework.surface.strays import LoneCells, stray_halo, without_strays
@@ -89,6 +91,8 @@ def find_ground(
         )
         heights = replace(heights, height=without_strays(near, near_spread, n_near, config))
     limit_m = rough_limit_m(count_spreads(heights.spread), config)
+    path = path_samples(trajectory, config.cell_m)
+    uneven_m = uneven_limit_m(count_spreads_under(path, heights, z0_m, config.cell_m), config)
     # Regions that continue the slope, and looser ones
     regions, facts = cell_regions(
         window,
@@ -96,9 +100,10 @@ def find_ground(
         _blocks_around(heights, config),
         heights.spread,
         heights.count,
-        path_samples(trajectory, config.cell_m),
+        path,
         _islands(heights, config.cell_m),
         limit_m,
+        uneven_m,
         is_dense,
         z0_m,
         config,

@@ -15,7 +15,12 @@ from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
 from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
 from linework.kernels.boundaries.channel_boxes import MOST_CHANNEL_POINTS, channel_in_cell
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
-from linework.kernels.boundaries.kerb_boxes import box_cell_at, kerb_in_cell, may_be_kerb
+from linework.kernels.boundaries.kerb_boxes import (
+    begins_beyond_shadow,
+    box_cell_at,
+    kerb_in_cell,
+    may_be_kerb,
+)
 from linework.kernels.boundaries.kerb_ramps import ramp_in_cell, ramp_instead
 from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, BY_ROUGHNESS
@@ -34,6 +39,7 @@ from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUT
 from linework.kernels.cells.places import (
     BOX_ALL_ROAD,
     BOX_CONTRAST,
+    BOX_ELSEWHERE,
     BOX_END,
     BOX_FOUND,
     BOX_HOLE,
@@ -134,6 +140,9 @@ def box_in_cell(
         if why == BOX_FOUND:
             why = ramp_instead(data, place, floor, area[1], limits, scratch, box)
         else:
+            # Beyond a kerb's shadow the floor begins anew: that is no edge of it
+            if begins_beyond_shadow(scratch.step):
+                return BOX_ELSEWHERE
             why = ramp_in_cell(data, place, floor, slopes, area[1], limits, scratch, box)
     if (
         why != BOX_FOUND

@@ -40,6 +40,7 @@ from linework.kernels.boundaries.kerb_steps import (
     STEP_N_TOP,
     STEP_NOISE,
     STEP_NOISE_TOP,
+    STEP_SHADOW,
     STEP_SIGMA_H,
     STEP_SIGMA_U,
     STEP_SIGMA_V,
@@ -234,6 +235,7 @@ def kerb_in_window(
     n, scale, half_u = area
     is_long = half_u > HALF_LENGTH_M * scale
     least_clear = CLEAR_LONG_STEP if is_long else CLEAR_STEP
+    step[STEP_SHADOW] = 0.0
     share, first, plane = np.zeros(COVER_COLUMNS), np.zeros(CLEAREST_COLUMNS), floor.plane.copy()
     found, tried = False, np.zeros((MOST_TRIED, 2))
     for k in (FIELD_HEIGHT, RISE):
@@ -314,6 +316,18 @@ def rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, h
 
 
 @njit(cache=True, nogil=True)
+def begins_beyond_shadow(step: FloatArray) -> bool:
+    """Return whether the floor of a measured step (19,) begins beyond the step's shadow: it is not a verge."""
+    return bool(step[STEP_SHADOW] > 0.0 and not _is_verge(step))
+
+
+@njit(cache=True, nogil=True)
+def _is_verge(step: FloatArray) -> bool:
+    """Return whether the lower side of a measured step (19,) is as much rougher than the upper as grass is."""
+    return bool(step[STEP_NOISE] ** 2 - step[STEP_NOISE_TOP] ** 2 > GRASS_M**2)
+
+
+@njit(cache=True, nogil=True)
 def write_kerb(
     step: FloatArray,
     share: FloatArray,
@@ -365,9 +379,8 @@ def is_kerb(
     )
     high = limits.least_step <= h <= limits.highest_step and h >= least
     # A pavement that lies above its verge is not a kerb of the verge
-    verge = step[STEP_NOISE] ** 2 - step[STEP_NOISE_TOP] ** 2 > GRASS_M**2
     smooth = (
-        not verge
+        not _is_verge(step)
         and step[STEP_NOISE] <= roughness_limit(floor.usual, limits.most_noise)
         and step[STEP_NOISE_TOP] <= max(limits.most_noise, ROUGHEST_TOP * h)
     )

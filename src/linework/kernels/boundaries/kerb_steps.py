@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
+from linework.kernels.boundaries.kerb_shadows import shadow_behind
 from linework.kernels.boundaries.profiles import (
     CLEAR_M,
     FLOOR_SOFT,
@@ -248,13 +249,13 @@ def fit_face(
 
 #: Columns of a measured step: unit vector v; v of foot and top edge; height [m]; plane of the floor: height, slopes
 #: along u and v; height and slope along v of the top; noise of floor and top [m]; points of floor, top and face;
-#: standard deviations of the foot [m], of the direction [rad] and of the height [m].
+#: standard deviations of the foot [m], of the direction [rad] and of the height [m]; length of floor in the step's shadow [m].
 (
     STEP_VX, STEP_VY, STEP_FOOT, STEP_TOP, STEP_HEIGHT, STEP_FLOOR_A, STEP_FLOOR_B, STEP_FLOOR_C, STEP_TOP_A,
     STEP_TOP_C, STEP_NOISE, STEP_NOISE_TOP, STEP_N_FLOOR, STEP_N_TOP, STEP_N_FACE, STEP_SIGMA_V, STEP_SIGMA_U,
-    STEP_SIGMA_H,
-) = range(18)  # fmt: skip
-STEP_COLUMNS = 18
+    STEP_SIGMA_H, STEP_SHADOW,
+) = range(19)  # fmt: skip
+STEP_COLUMNS = 19
 #: Columns of how far the evidence of a step extends: shares of the floor's and the top's width with points; lowest and
 #: highest u with points of both [m]; share of the quarters along u with points of both.
 COVER_FLOOR, COVER_TOP, COVER_U_LOW, COVER_U_HIGH, COVER_BOTH = range(5)
@@ -284,16 +285,17 @@ def measure_step(
     scale, half_u
         As for `best_step`.
     out
-        (18,) output, columns `STEP_VX` to `STEP_SIGMA_H`.
+        (19,) output, columns `STEP_VX` to `STEP_SHADOW`.
     """
     vx, vy = first[CLEAREST_VX], first[CLEAREST_VY]
     a, a2 = first[CLEAREST_BELOW], first[CLEAREST_ABOVE]
     noise = noise2 = first[CLEAREST_NOISE]
-    foot = top = 0.0
     spread_u = 2.0 * UNIFORM_SIGMA * half_u
     clear = FIRST_CLEAR_M * scale
+    vx, vy, edge, shadow = shadow_behind(work, n, (vx, vy), (scale, half_u))
+    foot = top = edge
     for _ in range(3):
-        low = (foot + clear, foot + FLOOR_WIDTH_M * scale, half_u)
+        low = (foot + clear, foot + shadow + FLOOR_WIDTH_M * scale, half_u)
         high = (top - clear - KERB_TOP_WIDTH_M * scale, top - clear, half_u)
         a, b, c, noise, n_floor = fit_side(work, n, (vx, vy), low, (a, noise + 0.01), FLOOR_SOFT)
         a2, _, c2, noise2, n_top = fit_side(work, n, (vx, vy), high, (a2, noise2 + 0.01), TOP_SOFT)
@@ -303,13 +305,11 @@ def measure_step(
         if h < SMALLEST_STEP_M:
             return False
         # The face: clearly above the floor and clearly below the top
-        lowest, highest = (
-            max(FACE_NOISES * noise, FACE_SHARE * h),
-            h - max(FACE_NOISES * noise2, FACE_SHARE * h),
-        )
+        lowest = max(FACE_NOISES * noise, FACE_SHARE * h)
+        highest = h - max(FACE_NOISES * noise2, FACE_SHARE * h)
         middle = 0.5 * (foot + top)
         n_face, spread = 0.0, 0.0
-        if highest - lowest > 0.1 * h:
+        if shadow == 0.0 and highest - lowest > 0.1 * h:
             reach = (0.05 + 0.5 * h, 0.05 + h, half_u)
             at, beta, lean, spread, n_face = fit_face(
                 work, n, (vx, vy), (a, b, c), middle, (lowest, highest), reach
@@ -330,18 +330,17 @@ def measure_step(
         else:
             # No face visible: the place where the points change from floor to top, known to within their spacing
             at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, (scale, half_u))
+            if shadow > 0.0:
+                at, spacing = edge + 0.5 * LEAN * h, PROFILE_BIN_M * scale
             foot, top = at + 0.5 * LEAN * h, at - 0.5 * LEAN * h
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
             beta_sigma = max(blur / spread_u, 0.02)
         write_step(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
-        out[STEP_HEIGHT], out[STEP_N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = (
-            h,
-            n_face,
-            sigma_v,
-            beta_sigma,
-        )
+        out[STEP_HEIGHT], out[STEP_N_FACE] = h, n_face
+        out[STEP_SIGMA_V], out[STEP_SIGMA_U] = sigma_v, beta_sigma
         out[STEP_SIGMA_H] = 2.0 * np.sqrt(noise**2 / n_floor + noise2**2 / n_top)
+        out[STEP_SHADOW] = shadow
     return True
 
 
@@ -399,10 +398,11 @@ def write_step(
     floor: tuple[float, float, float, float, float],
     top: tuple[float, float, float, float],
 ) -> None:
-    """Write the columns of a step (18,) that its three parts give: edges, floor and top."""
+    """Write the columns of a step (19,) that its three parts give: edges, floor and top."""
     out[STEP_VX], out[STEP_VY], out[STEP_FOOT], out[STEP_TOP] = edges
     out[STEP_FLOOR_A], out[STEP_FLOOR_B], out[STEP_FLOOR_C], out[STEP_NOISE], out[STEP_N_FLOOR] = floor
     out[STEP_TOP_A], out[STEP_TOP_C], out[STEP_NOISE_TOP], out[STEP_N_TOP] = top
+    out[STEP_SHADOW] = 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -416,7 +416,7 @@ def filled_shares(
     work
         (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     step
-        (18,): see `measure_step`.
+        (19,): see `measure_step`.
     scale, half_u
         As for `best_step`.
     share
@@ -434,9 +434,10 @@ def filled_shares(
         r = work[i, PLACE_R] - step[STEP_FLOOR_A] - step[STEP_FLOOR_B] * u - step[STEP_FLOOR_C] * v
         quarter = min(int((0.5 * u / half_u + 0.5) * 4.0), 3)
         if v > step[STEP_FOOT] - 0.01:
-            if abs(r) <= FLOOR_NOISES * step[STEP_NOISE] and v - step[STEP_FOOT] < 0.5 * scale:
-                floor_bins[min(max(int((v - step[STEP_FOOT]) / (0.1 * scale)), 0), 4)] = 1.0
-                if v - step[STEP_FOOT] < 0.3 * scale:
+            off = v - step[STEP_FOOT] - step[STEP_SHADOW]
+            if abs(r) <= FLOOR_NOISES * step[STEP_NOISE] and off < 0.5 * scale:
+                floor_bins[min(max(int(off / (0.1 * scale)), 0), 4)] = 1.0
+                if off < 0.3 * scale:
                     along_floor[quarter] = 1.0
                     floor_low, floor_high = min(floor_low, u), max(floor_high, u)
         elif step[STEP_TOP] - v < 0.2 * scale and r > 0.5 * step[STEP_HEIGHT]:

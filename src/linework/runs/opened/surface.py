@@ -44,7 +44,7 @@ from linework.surface.carry import CoarseGround, halo_cells
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow, path_samples
 from linework.surface.choose import Choice, RegionLink
 from linework.surface.config import RoadConfig
-from linework.surface.heights import height_origin, rough_limit_m
+from linework.surface.heights import height_origin, rough_limit_m, uneven_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 from linework.surface.strays import LoneCells
 
@@ -304,10 +304,11 @@ class _Making:
         found = self._run(0, passes.find_heights, self._occupied)
         self._task = replace(
             self._task,
-            rough_limit_m=rough_limit_m(_added(spreads for spreads, _ in found.values()), self._config),
-            is_dense=LoneCells.added(lone for _, lone in found.values()).is_dense,
+            rough_limit_m=rough_limit_m(_added(spreads for spreads, _, _ in found.values()), self._config),
+            uneven_m=uneven_limit_m(_added(under for _, under, _ in found.values()), self._config),
+            is_dense=LoneCells.added(lone for _, _, lone in found.values()).is_dense,
         )
-        filled = self._run(1, passes.leave_strays_out, [tile for tile, (n, _) in found.items() if len(n)])
+        filled = self._run(1, passes.leave_strays_out, [tile for tile, (n, _, _) in found.items() if len(n)])
         # Regions that continue the slope, and looser ones, united across the edges of tiles
         facts = self._run(2, passes.find_regions, filled)
         names = sorted(facts)
