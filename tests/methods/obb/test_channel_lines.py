@@ -83,3 +83,13 @@ def test_a_channel_alone_takes_no_paint_close_behind_it():
     # No kerb: the line may be a parking strip's, and the stone of a gutter
     paint, bounds = street(to_edges, lambda v: np.where(np.abs(v - 3.65) < 0.06, 2.5, 1.0))
     assert len(paint) == 1 and sorted(bounds) == [-3.5, 3.5]
+
+
+def test_bright_stones_of_a_gutter_are_not_paint():
+    def brightness(v):
+        stones, line = np.abs(np.abs(v) - 3.5) < 0.16, np.abs(np.abs(v) - 2.9) < 0.06
+        return np.where(stones, 1.8, np.where(line, 2.5, 1.0))
+
+    paint, bounds = street(to_edges, brightness)
+    assert sorted(bounds) == [-3.5, 3.5]
+    assert sorted(paint) == [-2.9, 2.9]

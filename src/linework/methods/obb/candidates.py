@@ -22,6 +22,7 @@ EVEN = 0.5
 # Why lines are not taken, beside the reasons of `linework.methods.tracking.arrangement`
 
 KERB_STONE = "kerb stone: the stripe lies on a kerb"
+GUTTER_STONES = "stones of a gutter: the ground falls to the stripe from both sides"
 KERB_BED = "gutter or bed of a kerb beside it"
 BEHIND = "behind a boundary of the carriageway"
 PIECE = "runs along a line: a piece of it"

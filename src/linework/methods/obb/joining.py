@@ -18,6 +18,7 @@ from linework.methods.obb.candidates import (
     BEHIND,
     EVEN,
     FAINT,
+    GUTTER_STONES,
     KERB_BED,
     KERB_STONE,
     OPEN_LAND,
@@ -49,7 +50,7 @@ from linework.methods.tracking.arrangement import (
     roles,
 )
 from linework.methods.tracking.boundary_lines import SmoothBoundary
-from linework.methods.tracking.channels import has_footway_behind, within_carriageway
+from linework.methods.tracking.channels import has_footway_behind, on_channels, within_carriageway
 from linework.methods.tracking.edge_roles import edge_roles
 from linework.methods.tracking.guides import LEAST_GUIDE_M, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
@@ -259,8 +260,9 @@ def keep_consistent(now: Joining) -> Joining:
         )
         for which in (bounds & takes_paint, bounds)
     )
-    now = _aside(now, left_out(now.markings, "lane_marking", np.where(behind, BEHIND, "")))
-    markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
+    why = np.where(behind, BEHIND, np.where(on_channels(lanes, channels), GUTTER_STONES, ""))
+    now = _aside(now, left_out(now.markings, "lane_marking", why))
+    markings = [m for m, reason in zip(now.markings, why, strict=True) if not reason]
     # A boundary has a carriageway in front of it and none behind it: what may be stone is not in front of what is behind
     paint = [axis for axis, yes in zip(lanes, is_stone | behind, strict=True) if not yes]
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, paint, path)
