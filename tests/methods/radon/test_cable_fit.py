@@ -7,7 +7,14 @@ import pytest
 
 from linework.lines.catenary import Catenary
 from linework.methods.cables.band import Widths, cable_band
-from linework.methods.cables.fit import FITTING_METRES, fit_members, fit_wire, near_end, settle_wire, surroundings
+from linework.methods.cables.fit import (
+    FITTING_METRES,
+    fit_members,
+    fit_wire,
+    near_end,
+    settle_wire,
+    surroundings,
+)
 
 WIDTHS = Widths(0.10)
 
