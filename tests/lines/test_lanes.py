@@ -259,6 +259,40 @@ def test_short_paint_of_unknown_role_beside_other_paint_bounds_no_lane(role, n):
     assert sum("stray" in pair for pair in found) == n
 
 
+@pytest.mark.parametrize(
+    ("offsets", "outer", "n"),
+    [
+        # Bright patches here and there, joined to one line as well
+        ((2.15, 1.5, 1.85), "edge", 1),
+        # Pieces that keep their distance are a line, and so is what lies between two edge lines
+        ((1.7, 1.7, 1.7), "edge", 0),
+        ((2.15, 1.5, 1.85), "both", 0),
+    ],
+)
+def test_patches_within_a_lane_do_not_end_it(offsets, outer, n):
+    places = [10, 25, 45, 60, 80, 95], np.repeat(offsets, 2)
+    patches = ("patches", "lane_marking", lambda x: np.interp(x, *places), "lane", "solid")
+    centre = ("centre", "lane_marking", 0.0, "edge" if outer == "both" else "centre", "solid")
+    lines = road(EDGE, centre, patches)
+    x, is_patches = lines.xyz[:, 0], lines.id[lines.line_of_vertex] == "patches"
+    bridged = is_patches & ~np.any([(x >= a) & (x <= a + 15) for a in (10, 45, 80)], axis=0)
+    lanes = find_lanes(lines.with_columns(bridged=bridged))
+    assert [set(pair) for pair in pairs(lanes)] == [{"centre", "edge"}] * n
+    assert all(lanes.centre.length_m > 99.0) and all(lanes.width_min_m > 3.49)
+
+
+def test_patches_of_one_line_that_is_the_centre_elsewhere_do_not_bound_lanes():
+    """What a line goes aside to at its end is judged by itself, where the line that goes on there was found too."""
+    aside = lambda x: np.interp(x, [8, 25], [1.2, 0.0])  # noqa: E731
+    jumping = ("jumping", "lane_marking", aside, "centre", "dashed")
+    other = ("other", "lane_marking", lambda x: np.where(x <= 40, 0.0, np.nan), "centre", "dashed")
+    lines = road(EDGE, jumping, other)
+    x, is_jumping = lines.xyz[:, 0], lines.id[lines.line_of_vertex] == "jumping"
+    lanes = find_lanes(lines.with_columns(bridged=is_jumping & (x > 8) & (x < 25)))
+    assert lanes.width_min_m.min() > 3.4
+    assert lanes.centre.xyz[:, 0].min() == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("longer_m", [0.0, 2.0])
 def test_paint_beside_a_stray_bounds_lanes_whatever_the_order_of_lines(longer_m):
     """Of two lines as long as each other as well: one of them is left, and the space up to it is a lane."""

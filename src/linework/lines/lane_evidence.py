@@ -6,7 +6,7 @@ Separate from `lane_sections`, which looks at one station at a time.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.lines.along import runs_of
 from linework.lines.crosscuts import STATION_M
+from linework.lines.within_lanes import PaintDistances, PaintRow
 from linework.model.lines import LineSet
 
 #: Widths of the spaces between bounds that belong to a road: below are gutters and double lines, above are squares. [m]
@@ -141,14 +142,27 @@ class BoundEvidence:
         self._inside: dict[tuple[int, int], set[int]] = defaultdict(set)
         self._with_strip: set[tuple[int, int]] = set()
 
-    def add(self, rows: Sequence[Sequence[Bound]]) -> None:
-        """Take in what crosses the perpendiculars of a road."""
+    def paint(self, rows: Sequence[Sequence[Bound]]) -> PaintDistances:
+        """Return the paint among what crosses the perpendiculars of a road."""
+        return PaintDistances(
+            [
+                [
+                    PaintRow(row.line, row.offset_m, row.bridged, bool(self._may_be_alone[row.line]))
+                    for row in here
+                    if self._is_paint[row.line]
+                ]
+                for here in rows
+            ]
+        )
+
+    def add(self, rows: Sequence[Sequence[Bound]], patches: Sequence[Set[int]]) -> None:
+        """Take in what crosses the perpendiculars of a road, and which of it are patches within lanes."""
         beside: Counter[int] = Counter()
         in_strip: Counter[int] = Counter()
         pairs, wide = _Pairs(), _Pairs()
         self._add_paint_that_continues(rows)
         self._add_sides(rows)
-        for here in rows:
+        for here, within in zip(rows, patches, strict=True):
             # Once a station, however many lines are beside it
             shorter_here: set[int] = set()
             near_here: set[int] = set()
@@ -167,7 +181,7 @@ class BoundEvidence:
                     and self._is_paint[b.line]
                     and STRAY_PAINT_M[0] < apart < LANE_LIMITS_M[0]
                 ):
-                    shorter = min((a.line, b.line), key=lambda i: self._size[i])
+                    shorter = min((a.line, b.line), key=lambda i: (i not in within, self._size[i]))
                     shorter_here.add(shorter)
                     if apart < STRAY_PAINT_M[1]:
                         near_here.add(shorter)

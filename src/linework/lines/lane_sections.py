@@ -15,6 +15,7 @@ from linework.lines.along import runs_of
 from linework.lines.crosscuts import STATION_M, Axis, LinesToCut, cross_cuts
 from linework.lines.lane_evidence import LANE_LIMITS_M, SINGLE_LANE_M, Bound, BoundEvidence
 from linework.lines.reference_curve import ReferenceCurve, reference_curve
+from linework.lines.within_lanes import patches_within_lanes
 from linework.model.lines import LineSet
 
 BOUND_KINDS = ("lane_marking", "road_boundary")
@@ -119,10 +120,14 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
         n = int(curve.length_m)
         station_m = np.linspace(0.0, curve.length_m, n + 1)
         rows = _rows(cut, index, curve, station_m)
-        barred.add(rows)
+        patches = patches_within_lanes(barred.paint(rows), widths_m)
+        barred.add(rows, patches)
         if i in barred.strays:
             continue
-        rows = [[row for row in here if row.line not in barred.strays] for here in rows]
+        rows = [
+            [row for row in here if row.line not in barred.strays | within]
+            for here, within in zip(rows, patches, strict=True)
+        ]
         wedges, carried = _wedges(rows, widths_m[0]), _carried(rows)
         profiles = [_profile(lines, here, i, taken, widths_m, carried[k]) for k, here in enumerate(rows)]
         for first, last in runs_of(np.array([p is not None for p in profiles])):

@@ -7,7 +7,14 @@ import pytest
 
 from linework.lines.catenary import Catenary
 from linework.methods.cables.band import Widths, cable_band
-from linework.methods.cables.fit import FITTING_METRES, fit_wire, near_end, settle_wire, surroundings
+from linework.methods.cables.fit import (
+    FITTING_METRES,
+    fit_members,
+    fit_wire,
+    near_end,
+    settle_wire,
+    surroundings,
+)
 
 WIDTHS = Widths(0.10)
 
@@ -86,3 +93,20 @@ def test_columns_are_counted_from_an_origin_on_any_side():
         found.append(np.sort(band_of(points, origin).near(shifted, 0.2)))
     inside = np.flatnonzero((points[:, 0] >= 15.0) & (points[:, 0] <= 25.0))
     assert all(np.array_equal(numbers, inside) for numbers in found)
+
+
+#: Points of three upright things: what bends through them in plan is on none of them.
+THREE_POLES = np.array([
+    [-1.697, 2.431, 7.270], [-1.684, 2.438, 7.298], [-1.673, 2.448, 7.324], [-1.692, 2.406, 7.487],
+    [-1.688, 2.425, 7.510], [-1.683, 2.443, 7.533], [1.163, -2.402, 7.569], [1.186, -2.379, 7.621],
+    [1.207, -2.353, 7.673], [-1.696, 2.424, 7.724], [-1.682, 2.431, 7.754], [1.184, -2.387, 7.842],
+    [1.183, -2.394, 8.064], [1.176, -2.392, 8.281], [1.191, -2.357, 8.330], [0.868, -2.835, 8.737],
+    [0.936, -2.758, 8.915], [0.863, -2.828, 8.956],
+])  # fmt: skip
+
+
+def test_a_bow_on_which_no_point_lies_is_none():
+    band = band_of(THREE_POLES)
+    wire = fit_members(band, np.arange(len(band.xyz)), Widths(0.9780819158541194))
+    assert wire.plan.bow_per_m == 0.0
+    assert np.isfinite(wire.fit.curve.height_at(0.0))

@@ -184,9 +184,11 @@ def fit_members(
     s, o = plan.stations(xyz[:, :2])
     bent, sigma = _bowed(plan, s, o, z, sigma_o, widths)
     if bent is not plan:
-        plan, sigma_o = bent, sigma
-        s, o = plan.stations(xyz[:, :2])
-        weights = kernels.tukey(o, max(sigma_o, widths.sigma_m))
+        bent_s, bent_o = bent.stations(xyz[:, :2])
+        bent_weights = kernels.tukey(bent_o, max(sigma, widths.sigma_m))
+        # A bow on which no point lies is none
+        if bent_weights.any():
+            plan, sigma_o, s, weights = bent, sigma, bent_s, bent_weights
     centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
     hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
     cofactor = cofactor * _TWICE

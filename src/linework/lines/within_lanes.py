@@ -1,0 +1,107 @@
+"""Paint within lanes that is none of their lines: patches, letters and seams between two parallel lines.
+
+Lines that were painted along a road keep their distance from each other. What lies between two of them at changing
+distances from both is bright for another reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.lines.crosscuts import STATION_M
+
+#: Painted lines wobble by 1 to 3 cm: as much differs their distance from each other, at two deviations. [m]
+_SAME_DISTANCE_M = 0.06
+#: Stations farther than this from each other say nothing about one another. [m]
+_REACH_M = 50.0
+#: Shortest stretch of measured paint that tells a line from a patch (that of bounds of lanes). [m]
+_SHORTEST_LINE_M = 20.0
+#: Nearer paint that was measured is the other stripe of a double line, or older paint: other rules judge it. [m]
+_BESIDE_M = 0.5
+
+
+class PaintRow(NamedTuple):
+    """Paint where it crosses a perpendicular: number of its line, offset [m], whether bridged, whether an inner line."""
+
+    line: int
+    offset_m: float
+    bridged: bool
+    is_inner: bool
+
+
+def _is_beside(row: PaintRow, right: PaintRow, left: PaintRow) -> bool:
+    return min(row.offset_m - right.offset_m, left.offset_m - row.offset_m) <= _BESIDE_M
+
+
+class PaintDistances:
+    """Distances between measured paint along a road.
+
+    Parameters
+    ----------
+    rows
+        Paint at stations 1 m apart, each from right to left.
+    """
+
+    def __init__(self, rows: Sequence[Sequence[PaintRow]]) -> None:
+        self.rows = rows
+        pairs = [
+            (k, b.offset_m - a.offset_m)
+            for k, here in enumerate(rows)
+            for a, b in combinations([row for row in here if not row.bridged], 2)
+        ]
+        table: FloatArray = np.array(pairs, dtype=np.float64).reshape(-1, 2)
+        order = np.argsort(table[:, 1], kind="stable")
+        self._station: IntArray = table[order, 0].astype(np.int64)
+        self._distance_m: FloatArray = table[order, 1]
+
+    def kept_m(self, k: int, distance_m: float) -> float:
+        """Return over how many metres within reach of a station some paint has a distance from other paint."""
+        low, high = np.searchsorted(
+            self._distance_m, (distance_m - _SAME_DISTANCE_M, distance_m + _SAME_DISTANCE_M)
+        )
+        stations = self._station[low:high]
+        is_near: BoolArray = np.abs(stations - k) * STATION_M <= _REACH_M
+        return len(np.unique(stations[is_near])) * STATION_M
+
+
+def patches_within_lanes(paint: PaintDistances, lane_m: tuple[float, float]) -> list[frozenset[int]]:
+    """Return for each station the lines that are patches within a lane there.
+
+    A lane is between two lines of paint, of which one is no edge line: of a narrow road with a line in its middle that is
+    mostly worn away, both are. They have the same distance over 20 m that were measured within 50 m. Patches keep their
+    distance from neither of both as long.
+
+    Parameters
+    ----------
+    lane_m
+        Least and largest width of a lane; where two have room, what lies between may be the line between them. [m]
+    """
+    widths_m = lane_m[0], min(lane_m[1], 2.0 * lane_m[0])
+    return [_patches_at(k, paint, widths_m) for k in range(len(paint.rows))]
+
+
+def _patches_at(k: int, paint: PaintDistances, widths_m: tuple[float, float]) -> frozenset[int]:
+    found: set[int] = set()
+    here = paint.rows[k]
+    for i, j in combinations(range(len(here)), 2):
+        right, left = here[i], here[j]
+        width = left.offset_m - right.offset_m
+        if j - i < 2 or not widths_m[0] <= width < widths_m[1] or not (right.is_inner or left.is_inner):
+            continue
+        between = [row for row in here[i + 1 : j] if row.line not in (right.line, left.line)]
+        sides = [
+            side for row in between for side in (row.offset_m - right.offset_m, left.offset_m - row.offset_m)
+        ]
+        beside = [row for row in between if not row.bridged and _is_beside(row, right, left)]
+        if not between or beside:
+            continue
+        if paint.kept_m(k, width) < _SHORTEST_LINE_M:
+            continue
+        if all(paint.kept_m(k, side) < _SHORTEST_LINE_M for side in sides):
+            found |= {row.line for row in between}
+    return frozenset(found)
