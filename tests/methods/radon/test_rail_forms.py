@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from linework.methods.radon.method import Radon
 from linework.methods.rails.circles import CircleConfig
-from linework.methods.rails.forms import formed_stretches
+from linework.methods.rails.forms import form_of_run, formed_stretches
 from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit
 from linework.methods.rails.placed import road_noise_m
 from linework.methods.rails.profile import ProfileConfig
@@ -19,8 +22,10 @@ from linework.methods.rails.sections import (
     form_of_bars,
     form_of_section,
 )
-from linework.model.grid import Grid
+from linework.model.grid import Bounds, Grid
 from linework.model.ground import Ground
+from linework.model.points import Points
+from linework.model.tile import TileData
 
 #: Height of the followed edge above the ground. [m]
 TOP_M = 0.80
@@ -238,7 +243,8 @@ def windows(*names):
 def stretches(letters):
     at, forms = windows(letters)
     n = 4 * len(letters)
-    found = formed_stretches(at, forms, np.ones(n, dtype=bool), CircleConfig(), ProfileConfig())
+    steady, level_m = np.ones(n, dtype=bool), np.zeros(n)
+    found = formed_stretches(at, forms, steady, level_m, CircleConfig(), ProfileConfig())
     return [
         (s.section.form, s.run.start * 0.5, s.run.stop * 0.5, round(s.agreeing, 2))
         for s in sorted(found, key=lambda s: s.run.start)
@@ -269,3 +275,59 @@ def test_thin_layers_far_apart_are_nothing():
     counts = np.zeros_like(section([plane(-0.2, 0.0)]))
     counts[100:300:5, counts.shape[1] // 2] = 20.0
     assert form_of_section(counts, TOP_M) == NOTHING
+
+
+def test_a_barrier_whose_foot_was_taken_for_ground_is_one():
+    """An F-shape of 0.98 m: where its foot raises the ground by 7 cm, the ground beside it shows how high it stands."""
+    lid = np.column_stack([np.linspace(0.0, 0.2, 200), np.zeros(200)])
+    face = np.column_stack([np.linspace(0.0, -0.055, 2000), np.linspace(0.0, -0.725, 2000)])
+    slope = np.column_stack([np.linspace(-0.055, -0.17, 500), np.linspace(-0.725, -0.905, 500)])
+    counts = section([lid, face, slope])
+    assert form_of_section(counts, 0.90).form == ""
+    assert form_of_section(counts, 0.90, above_beside_m=0.98).kind == "barrier"
+    assert form_of_section(section([plane(-0.97, 0.0), lid]), 0.90, above_beside_m=0.98).form == ""
+
+
+def test_what_is_seen_on_a_lid_says_nothing_about_the_face():
+    """A scanner close by sees much of the lid of a wide barrier."""
+    lid = np.column_stack([np.linspace(0.0, 0.28, 700), np.zeros(700)])
+    found = form_of_section(section([lid, *concrete()[1:]]), TOP_M)
+    assert (found.kind, found.form) == ("barrier", "concrete")
+
+
+def test_mesh_is_as_thin_as_the_noise_allows():
+    rng = np.random.default_rng(7)
+    mesh = plane(-0.78, 0.0)
+    mesh[:, 0] += rng.normal(0.0, 0.028, len(mesh))
+    assert form_of_section(section([mesh]), TOP_M).form == ""
+    assert form_of_section(section([mesh]), TOP_M, noise_m=0.03).form == "mesh"
+
+
+def test_pipes_are_level_where_the_followed_edge_changes_between_them():
+    """From the upper to the lower one of two pipes: the line stays on the upper one, and dips where the edge does."""
+    pipes = form_of_section(section([pipe(0.0, 0.12), pipe(-0.3, 0.12)]), TOP_M)
+    lower = replace(
+        pipes, bands=tuple(replace(b, low_m=b.low_m + 0.3, high_m=b.high_m + 0.3) for b in pipes.bands)
+    )
+    at = np.array([2, 6, 10])
+    followed = np.interp(np.arange(14), [0, 2, 4, 10, 13], [0.6, 0.8, 0.8, 0.5, 0.5])
+    changing = replace(pipes, is_level=True)
+    changing = replace(changing, bands=tuple(replace(b, high_m=b.high_m + 0.1) for b in pipes.bands))
+    stretch = form_of_run(at, [pipes, changing, lower], slice(0, 14), followed)
+    top = followed + stretch.rise_m - pipes.bands[0].high_m
+    assert np.allclose(top[2:], 0.8)
+    assert np.allclose(top[:2], followed[:2])
+
+
+def test_the_top_of_a_fence_is_not_above_its_points():
+    """Few points on a high sheet: only those that are counted say how far its edge is above the highest one."""
+    rng = np.random.default_rng(1)
+    road = np.column_stack([*rng.uniform(0.0, 40.0, (2, 40_000)), rng.normal(0.0, 0.005, 40_000)])
+    mesh = np.column_stack(
+        [rng.uniform(0.0, 40.0, 1500), rng.normal(20.0, 0.005, 1500), rng.uniform(0.05, 1.3, 1500)]
+    )
+    tile = TileData("fence", Bounds(-1.0, -1.0, 41.0, 41.0), Points(np.concatenate([road, mesh])))
+    (fence,) = Radon(kinds=("fence",)).extract(tile)
+    assert fence.form == "mesh"
+    assert np.max(fence.xyz[:, 2]) < 1.35
+    assert abs(np.median(fence.xyz[:, 2]) - 1.3) < 0.05

@@ -56,7 +56,7 @@ W_BEAM_EDGE = EdgeShape(beam=0.30, above=3.0, under=3.0)
 _EDGE_STEP_M = 0.02
 
 #: A sheet reaches from 3 cm above the top edge to 33 cm below it: a W-beam of 0.31 m and its noise. [m]
-_SHEET_ABOVE_M, _SHEET_BELOW_M = 0.03, 0.33
+_SHEET_ABOVE_M, SHEET_BELOW_M = 0.03, 0.33
 #: Depth below the top edge at which a W-beam has ended. [m]
 _FOOT_M = 0.36
 #: Deepest and farthest points that count as the slope before a barrier: below the top, and across. [m]
@@ -259,7 +259,7 @@ def profile_along(
             below = top - work[k, LOCAL_Z]
             u, height = work[k, LOCAL_LEFT], work[k, LOCAL_HEIGHT]
             side = 0 if u > 0 else 1
-            inside = below > -_SHEET_ABOVE_M and below < _SHEET_BELOW_M and height >= BEAM_FLOOR_M
+            inside = below > -_SHEET_ABOVE_M and below < SHEET_BELOW_M and height >= BEAM_FLOOR_M
             is_apron = below >= _FOOT_M and below <= _APRON_BELOW_M and abs(u) <= _APRON_REACH_M
             if is_apron and height >= _GROUND_M:
                 sides[i, SIDE_APRON, side] += 1.0

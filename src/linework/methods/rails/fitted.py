@@ -84,5 +84,5 @@ LEAST_EXPLAINED = 0.7
 LEAST_THIN = 0.95
 #: Least share of the windows of a stretch that show its form.
 LEAST_AGREEING = 0.5
-#: Share of the points of a concrete barrier near the middle of those at their height: its lid is seen at one height.
+#: Share of the points of a concrete barrier below its lid near the middle of those at their height.
 LEAST_FACED = 0.85

@@ -103,11 +103,11 @@ def with_forms(
         if not own and np.count_nonzero(free) < least:
             continue
         at, forms = forms_along(p, around.bins, around.surface, around.circles)
-        others = formed_stretches(at, forms, free, around.circles, around.config)
+        others = formed_stretches(at, forms, free, p.height_m, around.circles, around.config)
         alone = np.zeros(len(p.xyz), dtype=bool)
         shown += [_Shown(p, verdict, s, alone) for s in others if _is_more_than_high(p, s, around.config)]
         for s in own:
-            stretch = form_of_run(at, forms, s.run)
+            stretch = form_of_run(at, forms, s.run, p.height_m)
             other = _Shown(p, verdict, stretch, s.paired)
             is_other = is_agreed(stretch) and stretch.section.form != "w_beam"
             if is_other and np.mean(other.score) >= _LIKELY:

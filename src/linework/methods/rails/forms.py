@@ -20,7 +20,8 @@ from linework.kernels.radon.sections import EdgeShape
 from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.placed import PlacedRail, road_noise_m
+from linework.methods.rails.outlines import OutlineFit
+from linework.methods.rails.placed import PlacedRail, above_beside_m, road_noise_m
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.sections import (
@@ -43,6 +44,9 @@ _CLEAR_M = 0.10
 _LID_ENDS_M = 0.10
 #: Most of a beam that its edge is found by: a crest and a half of a folded one. [m]
 _MOST_BEAM_M = 0.30
+#: What is followed changes to another beam where it rises or falls by more within a window: pipes are 0.2 m and more
+#: apart, ends dip by 0.35 m, and show their form all the same. [m]
+_OTHER_BEAM_M = 0.10
 #: Weight of points above an edge, per equal area: twice, as for a W-beam.
 _ABOVE_WEIGHT = 2.0
 
@@ -89,10 +93,34 @@ def forms_along(
     asked = rail.measured[at]
     windows = np.column_stack([np.maximum(at - half, 0), np.minimum(at + half + 1, n)])[asked]
     held = sections_at(nodes, windows, bins, circles)
-    above = placed.above_ground_m[at[asked]].tolist()
-    noise = road_noise_m(surface, placed.xyz[at[asked], :2]).tolist()
-    found = (form_of_section(*seen) for seen in zip(held, above, noise, strict=True))
+    at_asked = at[asked]
+    above = placed.above_ground_m[at_asked]
+    in_world = nodes[at_asked] + np.array([*bins.origin[:2], 0.0, bins.origin[2]])
+    beside = above_beside_m(surface, in_world)
+    noise = road_noise_m(surface, placed.xyz[at_asked, :2])
+    forms = [
+        form_of_section(*seen)
+        for seen in zip(held, above.tolist(), noise.tolist(), beside.tolist(), strict=True)
+    ]
+    height_m = placed.height_m
+    for i, (first, end) in enumerate(windows.tolist()):
+        is_open = not forms[i].form or forms[i].kind == "fence"
+        if is_open and np.ptp(height_m[first:end]) > _OTHER_BEAM_M and _is_between_rails(forms, i):
+            # What is followed changes from one beam to another, which smears them: they are level over the road
+            level = nodes.copy()
+            level[:, 3] += height_m[at_asked[i]] - height_m
+            (counts,) = sections_at(level, windows[i : i + 1], bins, circles)
+            seen = form_of_section(counts, float(above[i]), float(noise[i]))
+            if seen.kind == "guardrail" and len(seen.bands) > 1:
+                forms[i] = replace(seen, is_level=True)
+    found = iter(forms)
     return at, _with_neighbours([next(found) if is_asked else NOTHING for is_asked in asked.tolist()])
+
+
+def _is_between_rails(forms: list[SectionForm], i: int) -> bool:
+    """Return whether windows before and after one show a rail of several beams; ends that dip have none beyond them."""
+    shows = [s.kind == "guardrail" and len(s.bands) > 1 and not s.is_level for s in forms]
+    return any(shows[:i]) and any(shows[i + 1 :])
 
 
 def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
@@ -105,14 +133,19 @@ def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
         near = forms[max(i - _BESIDE, 0) : i + _BESIDE + 1]
         same = [other for other in near if other.is_bars and len(other.bands) == len(own.bands)]
         seen = [band.fits for other in same for band in other.bands]
-        out.append(form_of_bars(own.bands, seen, hangs=own.hangs) if own.is_bars else own)
+        out.append(_judged(own, seen) if own.is_bars else own)
     return out
 
 
-def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStretch:
+def _judged(own: SectionForm, seen: list[tuple[OutlineFit, ...]]) -> SectionForm:
+    return replace(form_of_bars(own.bands, seen, hangs=own.hangs), is_level=own.is_level)
+
+
+def form_of_run(at: IntArray, forms: list[SectionForm], run: slice, over_road_m: FloatArray) -> FormedStretch:
     """Return what most of the windows of a run show; the window with the best explained beams stands for it.
 
-    Windows agree on a fence whatever form of fence they show: few points close the gaps between boards.
+    Windows agree on a fence whatever form of fence they show: few points close the gaps between boards. `over_road_m`
+    (n,) is the height of the followed edge over the road. [m]
     """
     inside = [form for i, form in zip(at.tolist(), forms, strict=True) if run.start <= i < run.stop]
     named = Counter((s.kind, s.form, len(s.bands)) for s in inside if s.form)
@@ -125,7 +158,16 @@ def form_of_run(at: IntArray, forms: list[SectionForm], run: slice) -> FormedStr
     is_same = [(s.kind, s.form, len(s.bands)) == (kind, form, n_bands) for s in inside]
     same = [s for s, chosen in zip(inside, is_same, strict=True) if chosen]
     nodes, places = np.arange(run.start, run.stop), places[is_same]
-    rise = np.interp(nodes, places, [s.bands[0].high_m for s in same])
+    high = np.array([s.bands[0].high_m for s in same])
+    rise = np.interp(nodes, places, high)
+    if any(s.is_level for s in same):
+        # From and to a window that was looked at along the road, beams are level over it, whatever is followed
+        level = np.array([s.is_level for s in same])
+        after = np.searchsorted(places, nodes)
+        between = (after > 0) & (after < len(places))
+        between[between] = (level[1:] | level[:-1])[after[between] - 1]
+        over = np.interp(nodes, places, high + over_road_m[places]) - over_road_m[nodes]
+        rise = np.where(between, over, rise)
     across = np.interp(nodes, places, [s.bands[0].axis_m for s in same])
     return FormedStretch(run, _middle(same), number / len(inside), rise, across)
 
@@ -173,7 +215,12 @@ def _middle(same: list[SectionForm]) -> SectionForm:
 
 
 def formed_stretches(
-    at: IntArray, forms: list[SectionForm], steady: BoolArray, circles: CircleConfig, config: ProfileConfig
+    at: IntArray,
+    forms: list[SectionForm],
+    steady: BoolArray,
+    over_road_m: FloatArray,
+    circles: CircleConfig,
+    config: ProfileConfig,
 ) -> list[FormedStretch]:
     """Return the runs of steady nodes whose windows show one form.
 
@@ -188,6 +235,8 @@ def formed_stretches(
         As `forms_along` returns them.
     steady
         (n,) bool: nodes that lie on one line, as far as their points can show.
+    over_road_m
+        (n,) height of the followed edge over the road. [m]
     """
     if not len(at):
         return []
@@ -210,7 +259,7 @@ def formed_stretches(
             for run in long_runs((names != name) & (names != ""), most_on):
                 near[run] = False
         for run in long_runs(free & near, least):
-            stretch = form_of_run(at, forms, run)
+            stretch = form_of_run(at, forms, run, over_road_m)
             if _family(stretch.section) == name and is_agreed(stretch):
                 found.append(stretch)
                 free[run] = False

@@ -25,7 +25,7 @@ _PLACE_STEP_M = 0.5 * SECTION_CELL_M
 _MOST_ACROSS_M = 0.20
 _PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _PLACE_STEP_M, _PLACE_STEP_M)
 #: A point within this distance of an outline lies on it: 2.5 deviations of 2 cm of noise, or as many of more noise. [m, sigma]
-_ON_OUTLINE_M, _ON_OUTLINE_SIGMAS = 0.05, 2.5
+ON_OUTLINE_M, _ON_OUTLINE_SIGMAS = 0.05, 2.5
 #: Noises that are tried, across and in height: each 1.5 times the one before, from that of a scanner at its best to that of
 #: one whose path errs within a window. Ranges err along the beam, which meets a bar nearly level or, from close by, steeply;
 #: paths err in all directions. [m]
@@ -76,7 +76,7 @@ def on_outline_m(noise_m: float) -> float:
     >>> on_outline_m(0.01), on_outline_m(0.03)
     (0.05, 0.075)
     """
-    return max(_ON_OUTLINE_M, _ON_OUTLINE_SIGMAS * noise_m)
+    return max(ON_OUTLINE_M, _ON_OUTLINE_SIGMAS * noise_m)
 
 
 def plate_of(columns: FloatArray, u: FloatArray) -> OutlineFit:
@@ -84,9 +84,9 @@ def plate_of(columns: FloatArray, u: FloatArray) -> OutlineFit:
 
     Whatever the noise, within 5 cm they lie on it: what is thicker, a wall or a hedge, is no more a plate for that.
     """
-    cost = kernels.flat_costs(columns, u, _PLACES, _ON_OUTLINE_M)
+    cost = kernels.flat_costs(columns, u, _PLACES, ON_OUTLINE_M)
     at = float(_PLACES[int(np.argmin(cost))])
-    on = float(columns[np.abs(u - at) <= _ON_OUTLINE_M].sum()) / float(columns.sum())
+    on = float(columns[np.abs(u - at) <= ON_OUTLINE_M].sum()) / float(columns.sum())
     return OutlineFit("flat", at, on, 0.0)
 
 

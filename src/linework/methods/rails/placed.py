@@ -20,6 +20,9 @@ from linework.surface.road import Ground, height_above_ground, height_above_road
 NEW_JERSEY_FOOT_M = 0.35
 
 
+#: Distance aside at which the foot of a concrete barrier is no longer ground: it stands 0.25 m before the top edge, and
+#: a cell of the ground is as wide. [m]
+_BESIDE_FOOT_M = 0.5
 #: Half of the square of ground that tells the noise of the survey beside a rail: the nearest lane. [m]
 _NOISE_REACH_M = 8.0
 #: Fewest cells of road in it whose scatter is known.
@@ -104,6 +107,18 @@ def in_plan(stretches: Sequence[Stretch]) -> cKDTree:
 def near_nodes(xyz: FloatArray, nodes: cKDTree) -> BoolArray:
     """Return which vertices (n, 3) are within the foot of a barrier from one of the nodes in plan, (n,) bool."""
     return np.asarray(np.isfinite(nodes.query(xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M)[0]))
+
+
+def above_beside_m(surface: Ground, nodes: FloatArray) -> FloatArray:
+    """Return the height of edges (n, 4) x, y, heading, z above the ground beside them, (n,) [m].
+
+    The foot of a concrete barrier is taken for ground, which is then centimetres too high there. Of the two sides the
+    higher ground counts: behind a barrier the land may fall away.
+    """
+    left = np.column_stack([-np.sin(nodes[:, 2]), np.cos(nodes[:, 2]), np.zeros(len(nodes))])
+    edge = nodes[:, [0, 1, 3]]
+    sides = [height_above_ground(surface, edge + s * _BESIDE_FOOT_M * left) for s in (-1.0, 1.0)]
+    return np.asarray(np.fmin(*sides), dtype=np.float64)
 
 
 def road_noise_m(surface: Ground, xy: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import erf
 
 import numpy as np
 
@@ -20,7 +21,14 @@ from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
-from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit, bars_of, on_outline_m, plate_of
+from linework.methods.rails.outlines import (
+    ON_OUTLINE_M,
+    SECTION_CELL_M,
+    OutlineFit,
+    bars_of,
+    on_outline_m,
+    plate_of,
+)
 
 #: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
 HALF_SECTION_M = 0.30
@@ -64,6 +72,8 @@ ROPE_PITCH_M = 0.25
 HANGS_M, CLEAR_UNDER_M, OVER_GROUND_M = 0.05, (0.01, 0.04), 0.05
 #: Half width of what is under a beam: half of a beam's depth, and noise. [m]
 _MOST_UNDER_M = 0.10
+#: Noise of a survey up to which more or less of it makes no difference: 5 cm are 2.5 times as much. [m]
+USUAL_NOISE_M = 0.02
 #: A fence of mesh is between this high, so that a scanner on a roof sees over it; and ends this near the ground: a kerb,
 #: grass and the plinth that it stands on or behind hide its foot, and stand there as a band of their own. [m]
 FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.40
@@ -123,12 +133,15 @@ class SectionForm:
         Its beams, the highest first.
     hangs
         Whether the lowest is clear of the grass.
+    is_level
+        Whether it was looked at along the road, the followed edge changing from one beam to another there.
     """
 
     kind: str
     form: str
     bands: tuple[Band, ...]
     hangs: bool
+    is_level: bool = False
 
     @property
     def is_bars(self) -> bool:
@@ -177,7 +190,9 @@ def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: Circl
     return counts
 
 
-def form_of_section(counts: FloatArray, above_ground_m: float, noise_m: float = 0.0) -> SectionForm:
+def form_of_section(
+    counts: FloatArray, above_ground_m: float, noise_m: float = 0.0, above_beside_m: float = 0.0
+) -> SectionForm:
     """Return what explains a cross-section.
 
     Parameters
@@ -188,6 +203,9 @@ def form_of_section(counts: FloatArray, above_ground_m: float, noise_m: float = 
         Height of the followed edge above the ground. [m]
     noise_m
         Standard deviation of the survey's points there; up to 2 cm make no difference. [m]
+    above_beside_m
+        Height of the followed edge above the ground beside it, if that is lower: the foot of a concrete barrier is taken
+        for ground. [m]
 
     A board of 12 cm, and nothing else:
 
@@ -197,6 +215,15 @@ def form_of_section(counts: FloatArray, above_ground_m: float, noise_m: float = 
     >>> [(band.outline, round(band.height_m, 2)) for band in section.bands], section.form
     ([('flat', 0.12)], '')
     """
+    form = _form_over(counts, above_ground_m, noise_m)
+    if form.form or above_beside_m <= above_ground_m or len(form.bands) != 1:
+        return form
+    beside = _form_over(counts, above_beside_m, noise_m)
+    return beside if beside.kind == "barrier" else form
+
+
+def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float) -> SectionForm:
+    """Return what explains a cross-section over the ground."""
     z, u = _centres(counts)
     found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
@@ -211,9 +238,10 @@ def form_of_section(counts: FloatArray, above_ground_m: float, noise_m: float = 
     bands = tuple(_explained(found, z, u, edge, on_m) for edge in edges)
     edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m) if len(bands) == 1 else None
     if edge_m is not None:
-        face = replace(bands[0], axis_m=edge_m, explained=_faced(found, u, on_m))
+        faced = _faced(_under_lid(found, z, bands[0]), u, on_m)
+        face = replace(bands[0], axis_m=edge_m, explained=faced)
         return SectionForm("barrier", "concrete", (face,), hangs=False)
-    return _form(bands, above_ground_m, hangs=_hangs(counts, bands[-1], above_ground_m))
+    return _form(bands, above_ground_m, noise_m, hangs=_hangs(counts, bands[-1], above_ground_m))
 
 
 def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
@@ -292,7 +320,7 @@ def _edge_of_concrete(counts: FloatArray, band: Band, above_ground_m: float, on_
     foot_m = above_ground_m + band.low_m
     if foot_m > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
         return None
-    if _faced(np.where((z > band.low_m)[:, None], counts, 0.0), u, on_m) < fitted.LEAST_FACED:
+    if _faced(_under_lid(counts, z, band), u, on_m) < fitted.LEAST_FACED:
         return None
     face = _middles(counts, u)
     upper = face[(z < band.high_m - UNDER_TOP_M[0]) & (z > band.high_m - UNDER_TOP_M[1])]
@@ -314,13 +342,29 @@ def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
     return np.where(total > 0.0, u[half], np.nan)
 
 
+def _under_lid(counts: FloatArray, z: FloatArray, band: Band) -> FloatArray:
+    """Return the points (heights, widths) of a band from 6 cm below its upper edge down: under a lid."""
+    face = (z > band.low_m) & (z < band.high_m - 2.0 * TOP_HEIGHT_M)
+    return np.where(face[:, None], counts, 0.0)
+
+
 def _faced(counts: FloatArray, u: FloatArray, on_m: float) -> float:
     """Return the share of the points that lie near the middle of those at their height: on one surface."""
     near = np.abs(u[None] - np.nan_to_num(_middles(counts, u))[:, None]) <= on_m
     return float(np.sum(counts * near) / max(counts.sum(), 1.0))
 
 
-def _form(bands: tuple[Band, ...], above_ground_m: float, *, hangs: bool) -> SectionForm:
+def _least_thin(noise_m: float) -> float:
+    """Return the share of the points of a sheet without thickness that lies within 5 cm of it, less what mesh loses.
+
+    >>> round(_least_thin(0.01), 3), round(_least_thin(0.03), 3)
+    (0.95, 0.869)
+    """
+    usual, here = (erf(ON_OUTLINE_M / (np.sqrt(2.0) * max(sigma, USUAL_NOISE_M))) for sigma in (0.0, noise_m))
+    return fitted.LEAST_THIN * here / usual
+
+
+def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, hangs: bool) -> SectionForm:
     """Return the form of which these beams, the highest first, are the section."""
     sure = tuple(band for band in bands if band.explained >= fitted.LEAST_EXPLAINED)
     if not bands or len(sure) < len(bands):
@@ -331,7 +375,7 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, *, hangs: bool) -> Sec
     is_alone = all(above_ground_m + band.high_m <= FENCE_FOOT_M for band in bands[1:])
     is_low = is_alone and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
     # A wall and a concrete barrier have a top that is seen from above
-    is_mesh = is_low and bands[0].explained >= fitted.LEAST_THIN and bands[0].top_share < MOST_TOP_SHARE
+    is_mesh = is_low and bands[0].explained >= _least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
     kind, form = "", ""
     if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
         kind, form = "guardrail", "w_beam"
