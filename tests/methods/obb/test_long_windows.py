@@ -10,6 +10,7 @@ import pytest
 from linework.kernels.boundaries.boundary_boxes import make_scratch
 from linework.kernels.boundaries.kerb_bends import follow_bend
 from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, kerb_in_window
+from linework.kernels.boundaries.kerb_sides import measure_seen_step
 from linework.kernels.boundaries.kerb_steps import (
     CLEAREST_COLUMNS,
     MOST_TRIED,
@@ -17,7 +18,6 @@ from linework.kernels.boundaries.kerb_steps import (
     STEP_FOOT,
     STEP_SIGMA_V,
     best_step,
-    measure_step,
 )
 from linework.kernels.boundaries.profiles import HALF_LENGTH_M, MOST_PLACE_POINTS, LocalFloor, gather_at
 from linework.kernels.cells.places import (
@@ -188,7 +188,7 @@ def test_the_foot_in_a_bend_is_where_the_kerb_is_and_not_the_mean_of_its_window(
         work[:400, 2] = np.where(v < foot, 0.08, 0.0) + rng.normal(0, 0.01, 400)
         first = np.array([0.0, 1.0, 100.0, 0.0, 0.0, 0.08, 0.02])
         step = np.zeros(STEP_COLUMNS)
-        assert measure_step(work, 400, first, 1.0, 2.0, step)
+        assert measure_seen_step(work, 400, first, 1.0, 2.0, step)
         follow_bend(work, 400, first, 1.0, 2.0, step)
         off.append(step[STEP_FOOT])
         ratio.append((off[-1] - at_m) / step[STEP_SIGMA_V])

@@ -41,8 +41,9 @@ SHADOW_TOP_BINS, N_SHADOW_BINS = 30, 75
 #: Fewest bins of a shadow, 10 cm, below which the middle of the missing stretch is as good; the step lies in it, or this
 #: near to it.
 LEAST_SHADOW_BINS = 5
-#: Points that are expected in a shadow: exp(-10) is the chance that none is there.
-POINTS_IN_SHADOW = 10.0
+#: Points that are expected in a shadow: exp(-16) is the chance that none is there, and it is sought at some hundred places
+#: and directions that differ.
+POINTS_IN_SHADOW = 16.0
 #: Directions tried about that of the step, from coarse to fine: any that passes through the shadow separates floor and top
 #: as well, 20 degrees to either side of 0.4 m of shadow over a metre. [rad]
 SHADOW_TURNS = (np.deg2rad(np.arange(-40.0, 41.0, 8.0)), np.deg2rad(np.arange(-6.0, 7.0, 1.5)))
@@ -183,7 +184,10 @@ def _empty_bins(counts: FloatArray, heights: FloatArray) -> tuple[int, int]:
         np.sum(counts[first - LEAST_SHADOW_BINS : first]),
         np.sum(counts[beyond : beyond + LEAST_SHADOW_BINS]),
     )
-    if length * min(n_top, n_floor) < POINTS_IN_SHADOW * LEAST_SHADOW_BINS or 2 * other >= length:
+    # As many points as on either side, and as in the whole profile: few bins have more by chance
+    usual = np.sum(counts) / (high - low - length)
+    expected = length * min(usual, n_top / LEAST_SHADOW_BINS, n_floor / LEAST_SHADOW_BINS)
+    if expected < POINTS_IN_SHADOW or 2 * other >= length:
         return 0, 0
     top = np.sum(heights[first - LEAST_SHADOW_BINS : first]) / n_top
     floor = np.sum(heights[beyond : beyond + LEAST_SHADOW_BINS]) / n_floor
