@@ -120,3 +120,18 @@ def test_height_above_is_exact_on_a_plane():
     expected = xyz[:, 2] - 10.0 - (0.1 * xyz[:, 0] + 0.2 * xyz[:, 1])
     for function in (kernels.height_above, kernels.height_above.py_func):
         assert function(xyz, 0.0, 0.0, 10.0, 1.0, plane) == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("rough_m", [0.02, 0.03, 0.04])
+def test_a_rough_track_is_road_under_the_van_whatever_the_rest_of_the_road_is(rough_m):
+    rng = np.random.default_rng(9)
+    xy = rng.uniform([0, -4], [360, 4], (600_000, 2))
+    noise = np.where(xy[:, 0] < 260.0, 0.003, rough_m)
+    xyz = np.column_stack([xy, rng.normal(0.0, noise)]) + ORIGIN
+    x = np.arange(0.0, 360.0, 1.0)
+    driven = Trajectory(x, np.column_stack([x, 0.0 * x, 0.0 * x]) + ORIGIN)
+    surface = find_ground(Points(xyz), driven)
+    east = (
+        surface.grid.east_m + (np.nonzero(surface.is_road)[1] + 0.5) * surface.grid.cell_width_m - ORIGIN[0]
+    )
+    assert np.count_nonzero(east > 270.0) * surface.grid.cell_width_m**2 >= 0.9 * 90.0 * 8.0

@@ -25,7 +25,7 @@ from linework.model.tile import ScannerTiming, TileData, local_origin
 from linework.model.trajectory import Trajectory
 from linework.processes.identity import is_installed
 from linework.processes.own_code import call_own
-from linework.scanlines.sampled import timing_of_points
+from linework.scanlines.sampled import gains_of_points, timing_of_points
 from linework.surface.cells import CellWindow
 from linework.surface.road import RoadConfig, find_ground
 
@@ -228,7 +228,7 @@ def is_own(method: Method) -> bool:
 def tile_of(points: Points, trajectory: Trajectory | None = None, ground: Ground | None = None) -> TileData:
     """Return points as a tile that is a survey of its own."""
     core = points.bounds if len(points) else Bounds(0.0, 0.0, 0.0, 0.0)
-    return TileData("points", core, points, trajectory, surface=ground)
+    return TileData("points", core, points, trajectory, surface=ground, gains=gains_of_points(points))
 
 
 def extract_tile(method: Method, tile: TileData) -> LineSet:

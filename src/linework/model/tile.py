@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from linework.model.grid import Bounds
@@ -18,6 +20,40 @@ ORIGIN_STEP_M = 1200.0
 #: Kinds of scanners: a mirror that turns one beam (on a van, or at rest), beams that spin together, an aircraft's strips,
 #: and points from which no scan lines can be recovered.
 PROFILE, SPINNING, AIRBORNE, UNORDERED = "profile", "spinning", "airborne", "none"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserGains:
+    """How much brighter each laser of a spinning scanner sees things, at the ranges at which it sees the road.
+
+    Parameters
+    ----------
+    column
+        Column of the points that has their laser; "" where there is one laser, or it is not known.
+    gain
+        (b,) float64: by the number of the laser; 1 for the mean over all points.
+    """
+
+    column: str = ""
+    gain: FloatArray = field(default_factory=lambda: np.ones(0))
+
+    def without(self, points: Points) -> Points:
+        """Return points with the intensities that one laser would have recorded.
+
+        >>> gains = LaserGains("ring", np.array([0.5, 2.0]))
+        >>> points = Points(np.zeros((2, 3)), intensity=np.array([10.0, 40.0]), ring=np.array([0, 1]))
+        >>> gains.without(points).intensity.tolist()
+        [20.0, 20.0]
+        """
+        if points.intensity is None or self.column not in points.columns:
+            return points
+        laser = points.columns[self.column]
+        known = (laser >= 0) & (laser < len(self.gain))  # NaN: no
+        gain = np.where(known, self.gain[np.where(known, laser, 0).astype(np.int64)], 1.0)
+        evened = (points.intensity / gain).astype(np.float32)
+        return Points(
+            points.xyz, intensity=evened, time_s=points.time_s, crs=points.crs, columns=points.columns
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,6 +87,8 @@ class ScannerTiming:
         Mean spacing of the points in plan, for points without lines. [m]
     used
         The columns of the points that tell their devices and lasers apart.
+    gains
+        Of the lasers.
     """
 
     kind: str
@@ -67,6 +105,7 @@ class ScannerTiming:
     ring_m: FloatArray
     spacing_m: float
     used: tuple[str, ...]
+    gains: LaserGains = LaserGains()
 
     def cuts(self, device: int) -> FloatArray:
         """Return when the lines of a device begin [s]."""
@@ -98,6 +137,8 @@ class TileData:
         Whether the tile is the whole survey: its lines are then not cut at the edges of the core.
     scanner
         What is known of the survey's scanner; None: the method derives it from the points.
+    gains
+        Of the scanner's lasers; methods that weigh brightness take them out of the intensities.
     """
 
     tile_id: str
@@ -109,6 +150,7 @@ class TileData:
     origin: tuple[float, float, float] | None = None
     is_whole: bool = True
     scanner: ScannerTiming | None = None
+    gains: LaserGains = LaserGains()
 
 
 def local_origin(west: float, south: float, low: float) -> tuple[float, float, float]:

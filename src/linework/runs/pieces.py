@@ -119,6 +119,7 @@ class TilePiece:
                 survey.origin,
                 self.is_whole,
                 survey.scanner,
+                survey.scanner.gains,
             )
             yield Loaded(data, len(points))
 

@@ -3,6 +3,8 @@
 In a small cell of level ground all beams measure the same height and, about, the same brightness: differences between
 their means are the beams' own. They are estimated together by least squares over all cells in which two beams meet.
 
+Separate from `sampled`, which chooses what of a survey is looked at.
+
 References
 ----------
 Glennie, C., Lichti, D. D. (2010): Static calibration and analysis of the Velodyne HDL-64E S2 for high accuracy mobile
@@ -121,6 +123,39 @@ def beam_biases(points: Points, lines: ScanLines) -> BeamBiases:
         head=head, beam=beam, height_m=height, height_sigma_m=sigma, gain=np.exp(gain), gain_sigma=gain_sigma,
         index=index,
     )  # fmt: skip
+
+
+def laser_gains(points: Points, laser: AnyArray) -> tuple[FloatArray, FloatArray]:
+    """Return how much brighter each laser sees things than all, and the standard deviation of its logarithm, (b,).
+
+    Parameters
+    ----------
+    points
+        With intensities, in any order; their heads are not told apart.
+    laser
+        (n,) int number of the laser, 0 and more.
+
+    Notes
+    -----
+    As `beam_biases`, without scan lines. The sigma is NaN, and the gain 1, of lasers that meet others in few cells.
+    """
+    if points.intensity is None or not len(points):
+        return np.ones(0), np.ones(0)
+    index = laser.astype(np.int64)
+    weight = np.bincount(index).astype(np.float64)
+    place = np.floor(points.xyz[:, :2] / CELL_M).astype(np.int64)
+    place -= place.min(axis=0)
+    cell = place[:, 0] * (int(place[:, 1].max()) + 1) + place[:, 1]
+    # Ties by height and brightness: sums do not depend on the order of the points
+    order = np.lexsort((points.intensity, points.xyz[:, 2], index, cell))
+    z = points.xyz[order, 2].copy()
+    z[_is_rough(cell[order], z)] = np.nan
+    bright = points.intensity[order].astype(np.float64)
+    known = (bright > 0.0) & (bright < bright.max()) & np.isfinite(z)
+    logs = np.full(len(bright), np.nan)
+    logs[known] = np.log(bright[known])
+    gain, sigma = _offsets(cell[order], index[order], logs, weight)
+    return np.exp(gain), sigma
 
 
 def _beams_of(lines: ScanLines) -> tuple[AnyArray, AnyArray, IntArray]:

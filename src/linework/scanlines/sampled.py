@@ -7,7 +7,7 @@ point and from a table of turns that needs no points.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,8 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray, offsets_of
 from linework.model.grid import Bounds, holds
 from linework.model.points import Points
-from linework.model.tile import SPINNING, UNORDERED, ScannerTiming
+from linework.model.tile import SPINNING, UNORDERED, LaserGains, ScannerTiming
+from linework.scanlines.beams import laser_gains
 from linework.scanlines.fields import laser_column
 from linework.scanlines.timing import scanner_timing
 
@@ -70,9 +71,9 @@ def sampled_timing(
     Of profile scanners and strips, each point joins the line that was last drawn beside it. Turns of a spinning lidar are
     counted from the survey's first time: where a turn begins is a convention.
     """
-    areas = pieces_to_sample(blocks, counts)
-    sample = [_without_devices(read(area)) for area in areas]
-    timing = scanner_timing(Points.concatenate(sample))
+    read_pieces = [read(area) for area in pieces_to_sample(blocks, counts)]
+    sample = [_without_devices(piece) for piece in read_pieces]
+    timing = replace(scanner_timing(Points.concatenate(sample)), gains=_gains_of_pieces(read_pieces))
     if timing.kind == UNORDERED:
         spacings = [scanner_timing(piece).spacing_m for piece in sample if len(piece)]
         return replace(timing, spacing_m=float(np.median(spacings)) if spacings else timing.spacing_m)
@@ -86,6 +87,25 @@ def sampled_timing(
     )
 
 
+def sampled_gains(blocks: IntArray, counts: IntArray, read: Callable[[Bounds], Points]) -> LaserGains:
+    """Return the gains of a survey's lasers, from the pieces that `sampled_timing` looks at; parameters as there."""
+    first, *rest = pieces_to_sample(blocks, counts)
+    piece = read(first)
+    # Of most surveys one piece tells that they have one laser
+    if len(piece) and not laser_column(piece):
+        return LaserGains()
+    return _gains_of_pieces([piece, *(read(area) for area in rest)])
+
+
+def gains_of_points(points: Points) -> LaserGains:
+    """Return the gains of the lasers of points that are a survey by themselves.
+
+    >>> gains_of_points(Points(np.zeros((3, 3)))).column
+    ''
+    """
+    return sampled_gains(*_blocks_of(points), _reader_of(points)) if len(points) else LaserGains()
+
+
 def timing_of_points(points: Points) -> ScannerTiming:
     """Return what is known of the scanner of points that are a survey by themselves, as for a survey of files.
 
@@ -94,15 +114,36 @@ def timing_of_points(points: Points) -> ScannerTiming:
     """
     if not len(points):
         return scanner_timing(points)
-    number = np.floor(points.xyz[:, :2] / SAMPLED_BLOCK_M).astype(np.int64)
-    blocks, counts = np.unique(number, axis=0, return_counts=True)
     time = points.time_s
     times = (math.nan, math.nan) if time is None else (float(time.min()), float(time.max()))
+    return sampled_timing(*_blocks_of(points), _reader_of(points), times)
 
-    def read(area: Bounds) -> Points:
-        return points.take(holds(area, points.xyz[:, :2]))
 
-    return sampled_timing(blocks, counts, read, times)
+def _blocks_of(points: Points) -> tuple[IntArray, IntArray]:
+    """Return the blocks that hold points, (n, 2), and how many each does, (n,)."""
+    number = np.floor(points.xyz[:, :2] / SAMPLED_BLOCK_M).astype(np.int64)
+    low = number.min(axis=0)
+    n_north = int(number[:, 1].max() - low[1]) + 1
+    codes, counts = np.unique((number[:, 0] - low[0]) * n_north + number[:, 1] - low[1], return_counts=True)
+    return np.stack(np.divmod(codes, n_north), axis=1) + low, counts
+
+
+def _reader_of(points: Points) -> Callable[[Bounds], Points]:
+    return lambda area: points.take(holds(area, points.xyz[:, :2]))
+
+
+def _gains_of_pieces(pieces: Sequence[Points]) -> LaserGains:
+    """Return the gains of the lasers of some pieces; none where they have one laser, or no intensities."""
+    known = [piece for piece in pieces if len(piece)]
+    name = laser_column(known[0]) if known else ""
+    if not name or any(piece.intensity is None or name not in piece.columns for piece in known):
+        return LaserGains()
+    laser = np.concatenate([piece.columns[name] for piece in known])
+    intensity = np.concatenate([piece.intensity for piece in known if piece.intensity is not None])
+    has = np.flatnonzero(laser >= 0)  # NaN: of a file without lasers
+    xyz = np.concatenate([piece.xyz for piece in known])
+    gains, sigmas = laser_gains(Points(xyz[has], intensity=intensity[has]), laser[has])
+    return LaserGains(name, np.where(np.isfinite(sigmas), gains, 1.0))
 
 
 def _without_devices(points: Points) -> Points:

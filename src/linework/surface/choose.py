@@ -60,7 +60,7 @@ class Choice:
     Notes
     -----
     Roads are the regions under the path, and other carriageways: large regions on ground, as even as the road under the
-    path, that do not lie along it (a footway does); in a recorded area without path all smooth regions of bare earth that are large
+    path, that do not lie along it or along another one chosen before (a footway does); in a recorded area without path all smooth regions of bare earth that are large
     enough, but of two that touch, at a kerb, the one with more points, and none that is seen
     much less densely than the one with most points. Ground is the regions of bare earth, and what roads lie on. Where no region of the
     survey qualifies, the one with most points is ground.
@@ -144,7 +144,7 @@ class _Nodes:
         return is_bare(self.sums("bare"), self.sums("cells"), self._cell_m)[self.group]
 
     def choose_beside(self, wanted: BoolArray, contacts: IntArray) -> None:
-        """Choose the groups of wanted nodes (n,), those with most points first.
+        """Choose the groups of wanted nodes (n,), those with most points per cell first: they are nearer to the scanner.
 
         None that touches those chosen before, by contacts (k, 3), at more than a few places: a footway lies along the other
         carriageway as it does along the one driven on.
@@ -155,6 +155,7 @@ class _Nodes:
                 beside = places.setdefault(one, {})
                 beside[other] = beside.get(other, 0) + n
         cells, nodes = self.sums("cells"), self._by_points()
+        nodes = nodes[np.argsort(-(self.sums("points") / np.maximum(cells, 1))[nodes], kind="stable")]
         taken = set(self.group[self.chosen].tolist())
         for node in nodes[wanted[nodes] & ~self.chosen[nodes]].tolist():
             group = int(self.group[node])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -80,10 +81,44 @@ def count_spreads(spread: Float32Array) -> IntArray:
     return np.asarray(kernels.count_in_steps(spread, _SPREAD_STEP_M, _N_SPREADS))
 
 
-def count_spreads_under(path: FloatArray, heights: CellHeights, z0_m: float, cell_m: float) -> IntArray:
-    """Return the histogram of the spreads of the cells under samples of a path (n, 3) [m, world], (501,) int64."""
-    cells, _ = drops_of_cells(path, heights.window, heights.height, np.isfinite(heights.height), z0_m, cell_m)
-    return count_spreads(heights.spread.ravel()[None, cells])
+@dataclass(frozen=True, slots=True)
+class SpreadsUnder:
+    """Spreads of the cells under the path, by blocks of 64 m; those of tiles add up.
+
+    Parameters
+    ----------
+    blocks
+        (k, 2) int64 numbers of the blocks east and north.
+    counts
+        (k, 501) int64: histogram of each, as `count_spreads` counts.
+    """
+
+    blocks: IntArray
+    counts: IntArray
+
+    @classmethod
+    def of(cls, path: FloatArray, heights: CellHeights, z0_m: float, cell_m: float) -> SpreadsUnder:
+        """Return the spreads of the cells of a window under samples of a path (n, 3) [m, world]."""
+        window = heights.window
+        has = np.isfinite(heights.height)
+        cells, _ = drops_of_cells(path, window, heights.height, has, z0_m, cell_m)
+        rows, cols = window.blocks(cell_m)
+        r, c = np.divmod(cells, window.n_cols)
+        each = np.stack([cols[c], rows[r]], axis=-1)
+        blocks, at = np.unique(each, axis=0, return_inverse=True)
+        spreads = heights.spread.ravel()[cells]
+        of_blocks = [count_spreads(spreads[None, at.ravel() == k]) for k in range(len(blocks))]
+        return cls(blocks.reshape(-1, 2), np.array(of_blocks, dtype=np.int64).reshape(-1, _N_SPREADS))
+
+    @classmethod
+    def added(cls, parts: Sequence[SpreadsUnder]) -> SpreadsUnder:
+        """Return the spreads of all parts."""
+        each = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(part.blocks for part in parts)])
+        blocks, at = np.unique(each, axis=0, return_inverse=True)
+        counts = np.zeros((len(blocks), _N_SPREADS), dtype=np.int64)
+        if parts:
+            np.add.at(counts, at.ravel(), np.concatenate([part.counts for part in parts]))
+        return cls(blocks.reshape(-1, 2), counts)
 
 
 def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:
@@ -109,17 +144,54 @@ REACH = 2
 SLOPE_HALO = REACH + 1
 
 
-def uneven_limit_m(counts: IntArray, config: RoadConfig) -> float:
-    """Return the largest spread of a cell of a road about its plane [m]; `roughness_m` where no path was driven.
+@dataclass(frozen=True, slots=True)
+class UnevenLimits:
+    """Largest spread of a cell of a road about its plane, by blocks of 64 m.
 
     Parameters
     ----------
-    counts
-        Histogram of the spreads of the cells under the path, as `count_spreads` counts them.
+    blocks
+        (k, 2) int64 numbers of blocks east and north under the path.
+    limit_m
+        (k,) of each. [m]
+    elsewhere_m
+        Where no path is near. [m]
+    """
 
-    Examples
-    --------
-    >>> uneven_limit_m(np.eye(1, 101, 10)[0], RoadConfig()), uneven_limit_m(np.zeros(0), RoadConfig())
+    blocks: IntArray
+    limit_m: FloatArray
+    elsewhere_m: float
+
+    @classmethod
+    def of(cls, under: SpreadsUnder, config: RoadConfig) -> UnevenLimits:
+        """Return the limits that follow from the spreads of the cells under the path.
+
+        >>> nowhere = SpreadsUnder(np.zeros((0, 2), np.int64), np.zeros((0, 501), np.int64))
+        >>> UnevenLimits.of(nowhere, RoadConfig()).elsewhere_m
+        0.06
+        """
+        limits = [_limit_beside(counts, config) for counts in under.counts]
+        return cls(under.blocks, np.array(limits), _limit_beside(under.counts.sum(axis=0), config))
+
+    def over(self, window: CellWindow, cell_m: float) -> Float32Array:
+        """Return the limit of each cell of a window, (n_rows, n_cols) float32 [m]: the largest of its block and those around.
+
+        A track that begins there is as rough as it is under the van.
+        """
+        rows, cols = window.blocks(cell_m)
+        limit = np.full((len(np.unique(rows)), len(np.unique(cols))), np.nan)
+        (r, of_row), (c, of_col) = np.unique(rows, return_inverse=True), np.unique(cols, return_inverse=True)
+        for (east, north), value in zip(self.blocks.tolist(), self.limit_m.tolist(), strict=True):
+            near = limit[np.ix_(np.abs(r - north) <= 1, np.abs(c - east) <= 1)]
+            limit[np.ix_(np.abs(r - north) <= 1, np.abs(c - east) <= 1)] = np.fmax(near, value)
+        limit[np.isnan(limit)] = self.elsewhere_m
+        return limit[np.ix_(of_row, of_col)].astype(np.float32)
+
+
+def _limit_beside(counts: IntArray, config: RoadConfig) -> float:
+    """Return the largest spread of a cell of a road about its plane [m], by the histogram of those under the path.
+
+    >>> _limit_beside(np.eye(1, 101, 10)[0], RoadConfig()), _limit_beside(np.zeros(0), RoadConfig())
     (0.0315, 0.06)
     """
     under = _median_spread_m(counts)
@@ -135,7 +207,7 @@ def _median_spread_m(counts: IntArray) -> float:
 
 
 def smooth_slopes(
-    height: Float32Array, spread: Float32Array, limit_m: float, uneven_m: float, config: RoadConfig
+    height: Float32Array, spread: Float32Array, limit_m: float, uneven_m: Float32Array, config: RoadConfig
 ) -> tuple[BoolArray, Float32Array, Float32Array]:
     """Return which cells are smooth and not steep, and their slopes east and north.
 
@@ -145,8 +217,10 @@ def smooth_slopes(
         (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32, with a halo. [m]
     spread
         (n_rows, n_cols) float32. [m]
-    limit_m, uneven_m
-        Largest spread of a smooth cell, and about the plane of its slopes. [m]
+    limit_m
+        Largest spread of a smooth cell. [m]
+    uneven_m
+        (n_rows, n_cols) float32: largest spread about the plane of its slopes. [m]
 
     Returns
     -------
@@ -159,7 +233,7 @@ def smooth_slopes(
     steepness = east * east + north * north
     smooth &= steepness <= np.float32(config.max_grade**2)
     # Over a square the heights of a plane spread by slope x side / sqrt(12)
-    smooth &= spread * spread - steepness * np.float32(config.cell_m**2 / 12.0) <= np.float32(uneven_m**2)
+    smooth &= spread * spread - steepness * np.float32(config.cell_m**2 / 12.0) <= uneven_m * uneven_m
     return smooth, east, north
 
 

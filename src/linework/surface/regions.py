@@ -127,7 +127,7 @@ def cell_regions(
     path: FloatArray,
     islands: Islands,
     rough_limit_m: float,
-    uneven_m: float,
+    uneven_m: Float32Array,
     is_dense: bool,
     z0_m: float,
     config: RoadConfig,
@@ -146,8 +146,10 @@ def cell_regions(
         (n, 3) samples of the path, at least all those near the window. [m, world]
     islands
         Islands of the survey.
-    rough_limit_m, uneven_m
-        Largest spread of a smooth cell, and about its plane. [m]
+    rough_limit_m
+        Largest spread of a smooth cell. [m]
+    uneven_m
+        (n_rows, n_cols) float32: largest spread about its plane. [m]
     is_dense
         Whether single low cells may be stray.
     z0_m

@@ -35,12 +35,12 @@ from linework.surface.choose import Choice
 from linework.surface.config import RoadConfig as RoadConfig
 from linework.surface.heights import (
     CellHeights,
+    SpreadsUnder,
+    UnevenLimits,
     cell_heights,
     count_spreads,
-    count_spreads_under,
     height_origin,
     rough_limit_m,
-    uneven_limit_m,
 )
 from linework.surface.regions import Islands, cell_regions, cells_with, region_halo
 from linework.surface.strays import LoneCells, stray_halo, without_strays
@@ -83,6 +83,8 @@ def find_ground(
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])
     # Lowest supported height of every cell, and spread of the layer above it
     heights = cell_heights(points.xyz, window, z0_m, config)
+    path = path_samples(trajectory, config.cell_m)
+    uneven = UnevenLimits.of(SpreadsUnder.of(path, heights, z0_m, config.cell_m), config)
     is_dense = LoneCells.of(heights).is_dense
     if is_dense:
         halo = stray_halo(config)
@@ -91,8 +93,6 @@ def find_ground(
         )
         heights = replace(heights, height=without_strays(near, near_spread, n_near, config))
     limit_m = rough_limit_m(count_spreads(heights.spread), config)
-    path = path_samples(trajectory, config.cell_m)
-    uneven_m = uneven_limit_m(count_spreads_under(path, heights, z0_m, config.cell_m), config)
     # Regions that continue the slope, and looser ones
     regions, facts = cell_regions(
         window,
@@ -103,7 +103,7 @@ def find_ground(
         path,
         _islands(heights, config.cell_m),
         limit_m,
-        uneven_m,
+        uneven.over(window, config.cell_m),
         is_dense,
         z0_m,
         config,

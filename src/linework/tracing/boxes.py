@@ -13,6 +13,7 @@ from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds
 from linework.model.tile import TileData
 from linework.runs.opened.surface import SurveySurface
+from linework.scanlines.sampled import sampled_gains
 
 #: Side of the blocks in which boxes are found: the width of the buffer of points around each, so that few points are
 #: read twice, and few that are not near the line. [m]
@@ -44,6 +45,7 @@ class SurveyBoxes:
     ) -> None:
         self._store, self._surface, self._origin = store, surface, origin
         self.detectors = detectors
+        self._gains = sampled_gains(*store.block_counts, store.points)
         self._found: dict[tuple[str, Block], BoxSet] = {}
 
     def of(self, kind: str, blocks: Iterable[Block]) -> list[BoxSet]:
@@ -76,7 +78,8 @@ class SurveyBoxes:
         points = self._store.points(extent)
         if len(points) == 0:
             return BoxSet.empty()
-        tile = TileData("trace", whole, points, None, "", self._surface.over(extent), self._origin)
+        surface = self._surface.over(extent)
+        tile = TileData("trace", whole, points, None, "", surface, self._origin, gains=self._gains)
         return detector.find_boxes(tile, cores)
 
 

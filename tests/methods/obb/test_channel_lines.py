@@ -93,3 +93,9 @@ def test_bright_stones_of_a_gutter_are_not_paint():
     paint, bounds = street(to_edges, brightness)
     assert sorted(bounds) == [-3.5, 3.5]
     assert sorted(paint) == [-2.9, 2.9]
+
+
+def test_a_line_beside_a_channel_stays():
+    paint, bounds = street(to_edges, lambda v: np.where(np.abs(np.abs(v) - 3.35) < 0.06, 2.5, 1.0))
+    assert sorted(bounds) == [-3.5, 3.5]
+    assert len(paint) == 2

@@ -39,7 +39,6 @@ from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUT
 from linework.kernels.cells.places import (
     BOX_ALL_ROAD,
     BOX_CONTRAST,
-    BOX_ELSEWHERE,
     BOX_END,
     BOX_FOUND,
     BOX_HOLE,
@@ -132,20 +131,20 @@ def box_in_cell(
     """
     floor, limits, slopes, rise, share = around
     plane, noise = floor.plane, floor.noise
-    why = BOX_ALL_ROAD
+    why, is_shadow = BOX_ALL_ROAD, False
     if may_be_kerb(floor, (slopes, rise), limits):
         area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
         why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, scratch, box)
+        # Beyond a kerb's shadow the floor begins anew: that is no edge of it
+        is_shadow = begins_beyond_shadow(scratch.step, limits)
         # A sloping face, where there is no step or a ramp explains it better
         if why == BOX_FOUND:
             why = ramp_instead(data, place, floor, area[1], limits, scratch, box)
-        else:
-            # Beyond a kerb's shadow the floor begins anew: that is no edge of it
-            if begins_beyond_shadow(scratch.step):
-                return BOX_ELSEWHERE
+        elif not is_shadow:
             why = ramp_in_cell(data, place, floor, slopes, area[1], limits, scratch, box)
     if (
         why != BOX_FOUND
+        and not is_shadow
         and share >= LEAST_FLOOR_SHARE
         and (differs(slopes, noise, BY_ROUGHNESS) or differs(slopes, noise, BY_BRIGHTNESS))
     ):

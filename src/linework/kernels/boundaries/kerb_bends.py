@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
+from linework.kernels.boundaries.kerb_sides import measure_seen_step
 from linework.kernels.boundaries.kerb_steps import (
     CLEAREST_VX,
     CLEAREST_VY,
@@ -27,7 +28,6 @@ from linework.kernels.boundaries.kerb_steps import (
     STEP_TOP_C,
     STEP_VX,
     STEP_VY,
-    measure_step,
 )
 from linework.kernels.boundaries.profiles import CLIP_M, PLACE_R, PLACE_X, PLACE_Y
 
@@ -61,13 +61,13 @@ def follow_bend(
     first, scale, half_u
         As for `linework.kernels.boundaries.kerb_steps.measure_step`.
     step
-        (18,) input and output: as measured straight, and again.
+        (19,) input and output: as measured straight, and again.
     """
     bend_m, sigma_m = bend_of(work, n, step, half_u)
     straight = step.copy()
     unbend(work, n, straight, bend_m, half_u)
     first[CLEAREST_VX], first[CLEAREST_VY] = step[STEP_VX], step[STEP_VY]
-    if not measure_step(work, n, first, scale, half_u, step):
+    if not measure_seen_step(work, n, first, scale, half_u, step):
         step[:] = straight
         bend_m, sigma_m = 0.0, np.hypot(sigma_m, bend_m)
     # In the middle of the window a bent kerb lies beside the mean of it
@@ -88,7 +88,7 @@ def bend_of(work: FloatArray, n: int, step: FloatArray, half_u: float) -> tuple[
     work
         (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     step
-        (18,): see `linework.kernels.boundaries.kerb_steps.measure_step`.
+        (19,): see `linework.kernels.boundaries.kerb_steps.measure_step`.
     half_u
         Half of the length of the window. [m]
     """

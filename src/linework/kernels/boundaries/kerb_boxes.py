@@ -12,6 +12,16 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.boundaries.kerb_bends import follow_bend
+from linework.kernels.boundaries.kerb_sides import (
+    COVER_BOTH,
+    COVER_COLUMNS,
+    COVER_FLOOR,
+    COVER_TOP,
+    COVER_U_HIGH,
+    COVER_U_LOW,
+    filled_shares,
+    measure_seen_step,
+)
 from linework.kernels.boundaries.kerb_steps import (
     CLEAR_LONG_STEP,
     CLEAR_STEP,
@@ -22,12 +32,6 @@ from linework.kernels.boundaries.kerb_steps import (
     CLEAREST_V,
     CLEAREST_VX,
     CLEAREST_VY,
-    COVER_BOTH,
-    COVER_COLUMNS,
-    COVER_FLOOR,
-    COVER_TOP,
-    COVER_U_HIGH,
-    COVER_U_LOW,
     KERB_TOP_WIDTH_M,
     MOST_TRIED,
     STEP_FLOOR_A,
@@ -49,8 +53,7 @@ from linework.kernels.boundaries.kerb_steps import (
     STEP_VX,
     STEP_VY,
     best_step,
-    filled_shares,
-    measure_step,
+    floor_at_foot,
 )
 from linework.kernels.boundaries.profiles import (
     AGAIN_M,
@@ -264,7 +267,7 @@ def kerb_in_window(
     n = gather_at(
         data.points, data.starts, data.span, (x + mx, y + my), radius, plane, MOST_PLACE_POINTS, work
     )
-    if not measure_step(work, n, first, scale, half_u, step):
+    if not measure_seen_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
     if is_long and _rougher_than_usual(step[STEP_NOISE], floor.usual):
@@ -289,7 +292,7 @@ def rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, h
     """Return whether a measured step rises by half of its height and more in both halves of its window along u.
 
     What stands at one place only (a post, a car's corner, a few strays) makes no long step. Parameters as for
-    `linework.kernels.boundaries.kerb_steps.filled_shares`.
+    `linework.kernels.boundaries.kerb_sides.filled_shares`.
     """
     low, high, n_low, n_high = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     for i in range(n):
@@ -301,7 +304,8 @@ def rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, h
         k = int(u > 0.0)
         if abs(r) > CLIP_M:
             continue
-        if step[STEP_FOOT] < v < step[STEP_FOOT] + FLOOR_WIDTH_M * scale:
+        begins = step[STEP_FOOT] + step[STEP_SHADOW]
+        if begins < v < begins + FLOOR_WIDTH_M * scale:
             low[k] += r
             n_low[k] += 1.0
         elif step[STEP_TOP] - KERB_TOP_WIDTH_M * scale < v < step[STEP_TOP]:
@@ -316,9 +320,9 @@ def rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, h
 
 
 @njit(cache=True, nogil=True)
-def begins_beyond_shadow(step: FloatArray) -> bool:
-    """Return whether the floor of a measured step (19,) begins beyond the step's shadow: it is not a verge."""
-    return bool(step[STEP_SHADOW] > 0.0 and not _is_verge(step))
+def begins_beyond_shadow(step: FloatArray, limits: FloorLimits) -> bool:
+    """Return whether the floor of a measured step (19,) begins beyond its shadow: it is as high as a kerb, over no verge."""
+    return bool(step[STEP_SHADOW] > 0.0 and step[STEP_HEIGHT] >= limits.least_step and not _is_verge(step))
 
 
 @njit(cache=True, nogil=True)
@@ -337,7 +341,7 @@ def write_kerb(
     scale: float,
     box: FloatArray,
 ) -> None:
-    """Write the box (18,) of a measured step (18,) with this cover (5,).
+    """Write the box (18,) of a measured step (19,) with this cover (5,).
 
     plane: (3,), above which the step was measured, at `place` [m]. u: middle of the box along the foot [m].
     """
@@ -349,7 +353,7 @@ def write_kerb(
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = max(min(share[COVER_U_HIGH] - u, u - share[COVER_U_LOW], HALF_LENGTH_M * scale), 0.05)
     box[S_V], box[S_U] = step[STEP_SIGMA_V], step[STEP_SIGMA_U]
-    box[S_Z] = 2.0 * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
+    box[S_Z] = floor_at_foot(step[STEP_SHADOW], scale) * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
     box[SCORE] = _score(step, share)
     box[FORM], box[BOX_STEP] = KERB, step[STEP_HEIGHT]
     box[TOP_V] = step[STEP_TOP] - step[STEP_FOOT]
@@ -364,7 +368,7 @@ def is_kerb(
     floor: LocalFloor,
     limits: FloorLimits,
 ) -> bool:
-    """Return whether a measured step (18,) with this cover (5,) is a kerb's: by its height, its floor and its top."""
+    """Return whether a measured step (19,) with this cover (5,) is a kerb's: by its height, its floor and its top."""
     plane = floor.plane
     h, vx, vy = step[STEP_HEIGHT], step[STEP_VX], step[STEP_VY]
     tilt_x = plane[PLANE_EAST] + step[STEP_FLOOR_C] * vx + step[STEP_FLOOR_B] * vy - floor.east

@@ -21,9 +21,9 @@ from linework.kernels.boundaries.kerb_boxes import (
     rises_throughout,
     write_kerb,
 )
+from linework.kernels.boundaries.kerb_sides import COVER_COLUMNS, filled_shares
 from linework.kernels.boundaries.kerb_steps import (
     CLEAR_STEP,
-    COVER_COLUMNS,
     FLOOR_POINTS,
     KERB_REACH_V,
     KERB_TOP_WIDTH_M,
@@ -40,7 +40,6 @@ from linework.kernels.boundaries.kerb_steps import (
     STRAIGHT_KERB_M,
     TOP_POINTS,
     TOP_SOFT,
-    filled_shares,
     write_step,
 )
 from linework.kernels.boundaries.profiles import (

@@ -1,4 +1,4 @@
-"""Measurement of the step at one place: floor, face and top fitted in turn, and how far its evidence extends.
+"""Measurement of the step at one place: floor, face and top fitted in turn.
 
 Frame and points as in `linework.kernels.boundaries.profiles`; the carriageway is at positive v.
 """
@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.kerb_shadows import shadow_behind
 from linework.kernels.boundaries.profiles import (
     CLEAR_M,
     FLOOR_SOFT,
@@ -256,23 +255,23 @@ def fit_face(
     STEP_SIGMA_H, STEP_SHADOW,
 ) = range(19)  # fmt: skip
 STEP_COLUMNS = 19
-#: Columns of how far the evidence of a step extends: shares of the floor's and the top's width with points; lowest and
-#: highest u with points of both [m]; share of the quarters along u with points of both.
-COVER_FLOOR, COVER_TOP, COVER_U_LOW, COVER_U_HIGH, COVER_BOTH = range(5)
-COVER_COLUMNS = 5
 #: Distance that floor and top keep from foot and top edge before these are known. [m]
 FIRST_CLEAR_M = 0.05
 #: Standard deviation of a kerb stone from a straight line. [m]
 STRAIGHT_KERB_M = 0.001
 #: Where no face is visible, the change from floor to top is sought this far to either side [m], at this many places.
 CHANGE_REACH_M, N_CHANGE = 0.08, 32
-#: Largest distance of a floor point from the floor, in sigmas of the floor's noise. [-]
-FLOOR_NOISES = 3.0
 
 
 @njit(cache=True, nogil=True)
 def measure_step(
-    work: FloatArray, n: int, first: FloatArray, scale: float, half_u: float, out: FloatArray
+    work: FloatArray,
+    n: int,
+    first: FloatArray,
+    hidden: tuple[float, float],
+    scale: float,
+    half_u: float,
+    out: FloatArray,
 ) -> bool:
     """Measure the step that runs through the place along u; return False where floor or top is missing.
 
@@ -282,17 +281,20 @@ def measure_step(
         (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     first
         (7,): see `best_step`.
+    hidden
+        v of the upper edge, and length of the floor that the step hides from the scanner [m]; length 0: none.
     scale, half_u
         As for `best_step`.
     out
-        (19,) output, columns `STEP_VX` to `STEP_SHADOW`.
+        (19,) output, columns `STEP_VX` to `STEP_SHADOW`; no shadow where False is returned.
     """
+    out[STEP_SHADOW] = 0.0
     vx, vy = first[CLEAREST_VX], first[CLEAREST_VY]
     a, a2 = first[CLEAREST_BELOW], first[CLEAREST_ABOVE]
     noise = noise2 = first[CLEAREST_NOISE]
     spread_u = 2.0 * UNIFORM_SIGMA * half_u
     clear = FIRST_CLEAR_M * scale
-    vx, vy, edge, shadow = shadow_behind(work, n, (vx, vy), (scale, half_u))
+    edge, shadow = hidden
     foot = top = edge
     for _ in range(3):
         low = (foot + clear, foot + shadow + FLOOR_WIDTH_M * scale, half_u)
@@ -329,9 +331,10 @@ def measure_step(
             sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_KERB_M**2)
         else:
             # No face visible: the place where the points change from floor to top, known to within their spacing
-            at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, (scale, half_u))
             if shadow > 0.0:
-                at, spacing = edge + 0.5 * LEAN * h, PROFILE_BIN_M * scale
+                at, spacing = edge + 0.5 * LEAN * h, UNIFORM_SIGMA * PROFILE_BIN_M * scale
+            else:
+                at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, (scale, half_u))
             foot, top = at + 0.5 * LEAN * h, at - 0.5 * LEAN * h
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
@@ -339,9 +342,20 @@ def measure_step(
         write_step(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
         out[STEP_HEIGHT], out[STEP_N_FACE] = h, n_face
         out[STEP_SIGMA_V], out[STEP_SIGMA_U] = sigma_v, beta_sigma
-        out[STEP_SIGMA_H] = 2.0 * np.sqrt(noise**2 / n_floor + noise2**2 / n_top)
-        out[STEP_SHADOW] = shadow
+        far = floor_at_foot(shadow, scale)
+        out[STEP_SIGMA_H] = np.sqrt((far * noise) ** 2 / n_floor + (2.0 * noise2) ** 2 / n_top)
+    out[STEP_SHADOW] = shadow
     return True
+
+
+@njit(cache=True, nogil=True)
+def floor_at_foot(shadow: float, scale: float) -> float:
+    """Return the standard deviation of a floor at its foot over that of its mean height: 2, and more behind a shadow [m].
+
+    A line through points that are spread evenly over a width w has 1 + 12 (d / w)^2 times the variance of their mean at a
+    distance d from their middle.
+    """
+    return float(np.sqrt(1.0 + 12.0 * (0.5 + shadow / (FLOOR_WIDTH_M * scale)) ** 2))
 
 
 @njit(cache=True, nogil=True)
@@ -403,47 +417,3 @@ def write_step(
     out[STEP_FLOOR_A], out[STEP_FLOOR_B], out[STEP_FLOOR_C], out[STEP_NOISE], out[STEP_N_FLOOR] = floor
     out[STEP_TOP_A], out[STEP_TOP_C], out[STEP_NOISE_TOP], out[STEP_N_TOP] = top
     out[STEP_SHADOW] = 0.0
-
-
-@njit(cache=True, nogil=True)
-def filled_shares(
-    work: FloatArray, n: int, step: FloatArray, scale: float, half_u: float, share: FloatArray
-) -> None:
-    """Write how far the evidence of a step extends, across and along.
-
-    Parameters
-    ----------
-    work
-        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
-    step
-        (19,): see `measure_step`.
-    scale, half_u
-        As for `best_step`.
-    share
-        (5,) output, columns `COVER_FLOOR` to `COVER_BOTH`: the floor's 0.5 m counted in fifths, the top's 0.2 m in
-        quarters.
-    """
-    floor_bins, top_bins = np.zeros(5), np.zeros(4)
-    along_floor, along_top = np.zeros(4), np.zeros(4)
-    floor_low, floor_high, top_low, top_high = 1e9, -1e9, 1e9, -1e9
-    for i in range(n):
-        x, y = work[i, PLACE_X], work[i, PLACE_Y]
-        v, u = x * step[STEP_VX] + y * step[STEP_VY], x * step[STEP_VY] - y * step[STEP_VX]
-        if abs(u) > half_u:
-            continue
-        r = work[i, PLACE_R] - step[STEP_FLOOR_A] - step[STEP_FLOOR_B] * u - step[STEP_FLOOR_C] * v
-        quarter = min(int((0.5 * u / half_u + 0.5) * 4.0), 3)
-        if v > step[STEP_FOOT] - 0.01:
-            off = v - step[STEP_FOOT] - step[STEP_SHADOW]
-            if abs(r) <= FLOOR_NOISES * step[STEP_NOISE] and off < 0.5 * scale:
-                floor_bins[min(max(int(off / (0.1 * scale)), 0), 4)] = 1.0
-                if off < 0.3 * scale:
-                    along_floor[quarter] = 1.0
-                    floor_low, floor_high = min(floor_low, u), max(floor_high, u)
-        elif step[STEP_TOP] - v < 0.2 * scale and r > 0.5 * step[STEP_HEIGHT]:
-            top_bins[min(max(int((step[STEP_TOP] - v) / (0.05 * scale)), 0), 3)] = 1.0
-            along_top[quarter] = 1.0
-            top_low, top_high = min(top_low, u), max(top_high, u)
-    share[COVER_FLOOR], share[COVER_TOP] = np.mean(floor_bins), np.mean(top_bins)
-    share[COVER_U_LOW], share[COVER_U_HIGH] = max(floor_low, top_low), min(floor_high, top_high)
-    share[COVER_BOTH] = np.mean(along_floor * along_top)

@@ -264,7 +264,7 @@ def keep_consistent(now: Joining) -> Joining:
     now = _aside(now, left_out(now.markings, "lane_marking", why))
     markings = [m for m, reason in zip(now.markings, why, strict=True) if not reason]
     # A boundary has a carriageway in front of it and none behind it: what may be stone is not in front of what is behind
-    paint = [axis for axis, yes in zip(lanes, is_stone | behind, strict=True) if not yes]
+    paint = [axis for axis, yes in zip(lanes, is_stone | (why != ""), strict=True) if not yes]
     why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, paint, path)
     edges += left_out(boundaries, "road_boundary", why)
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]

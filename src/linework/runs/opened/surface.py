@@ -44,7 +44,7 @@ from linework.surface.carry import CoarseGround, halo_cells
 from linework.surface.cells import SURFACE_BLOCK_M, CellWindow, path_samples
 from linework.surface.choose import Choice, RegionLink
 from linework.surface.config import RoadConfig
-from linework.surface.heights import height_origin, rough_limit_m, uneven_limit_m
+from linework.surface.heights import SpreadsUnder, UnevenLimits, height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 from linework.surface.strays import LoneCells
 
@@ -305,7 +305,9 @@ class _Making:
         self._task = replace(
             self._task,
             rough_limit_m=rough_limit_m(_added(spreads for spreads, _, _ in found.values()), self._config),
-            uneven_m=uneven_limit_m(_added(under for _, under, _ in found.values()), self._config),
+            uneven=UnevenLimits.of(
+                SpreadsUnder.added([under for _, under, _ in found.values()]), self._config
+            ),
             is_dense=LoneCells.added(lone for _, _, lone in found.values()).is_dense,
         )
         filled = self._run(1, passes.leave_strays_out, [tile for tile, (n, _, _) in found.items() if len(n)])

@@ -27,7 +27,7 @@ from linework.surface.blocks import N_BLOCK_PLANES, BlockHeights, blocks_over
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells
 from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
-from linework.surface.heights import CellHeights, cell_heights, count_spreads, count_spreads_under
+from linework.surface.heights import CellHeights, SpreadsUnder, UnevenLimits, cell_heights, count_spreads
 from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with, region_halo
 from linework.surface.strays import LoneCells, stray_halo, without_strays
 
@@ -76,8 +76,10 @@ class SurfaceTileTask:
         Folder of the store, or another source of points.
     z0_m
         Local height origin of the whole survey. [m, world]
-    rough_limit_m, uneven_m
-        Spread of the lowest layer above which a cell is rough, and about its plane [m]; not known yet in the first pass.
+    rough_limit_m
+        Spread of the lowest layer above which a cell is rough [m]; not known yet in the first pass.
+    uneven
+        Largest spreads of cells of a road about their plane; not known yet in the first pass.
     is_dense
         Whether single low cells may be stray; not known yet in the first pass.
     """
@@ -88,17 +90,17 @@ class SurfaceTileTask:
     config: RoadConfig
     z0_m: float
     rough_limit_m: float = np.nan
-    uneven_m: float = np.nan
+    uneven: UnevenLimits | None = None
     is_dense: bool = False
 
 
-def find_heights(task: SurfaceTileTask) -> tuple[IntArray, IntArray, LoneCells]:
+def find_heights(task: SurfaceTileTask) -> tuple[IntArray, SpreadsUnder, LoneCells]:
     """Write the heights of a tile's cells.
 
     Returns
     -------
     spreads, under, lone
-        Histogram of the spreads of the cells (empty: no points), of those under the path, and the lone cells.
+        Histogram of the spreads of the cells (empty: no points), those under the path, and the lone cells.
     """
     cell_m = task.config.cell_m
     # Edges that binary fractions do not hit: points on them may lie either way, so a little more is read
@@ -118,12 +120,12 @@ def find_heights(task: SurfaceTileTask) -> tuple[IntArray, IntArray, LoneCells]:
         np.concatenate([getattr(band, name) for band in bands]) for name in ("height", "spread", "count")
     )
     if not count.any():
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), LoneCells()
+        return np.zeros(0, dtype=np.int64), SpreadsUnder.added([]), LoneCells()
     window = task.tiles.window(task.tile)
     task.tiles.write(MEASURED, task.tile, height, spread, count)
     heights = CellHeights(window, height, spread, count)
     path = _path_near(task.tiles, window.bounds(cell_m))
-    return count_spreads(spread), count_spreads_under(path, heights, task.z0_m, cell_m), LoneCells.of(heights)
+    return count_spreads(spread), SpreadsUnder.of(path, heights, task.z0_m, cell_m), LoneCells.of(heights)
 
 
 def leave_strays_out(task: SurfaceTileTask) -> bool:
@@ -156,6 +158,7 @@ def _opened(folder: Path) -> PointStore:
 def find_regions(task: SurfaceTileTask) -> RegionFacts:
     """Write the labels of a tile's cells and its edges for the neighbours; return facts about its regions."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
+    assert task.uneven is not None, "known after the first pass"
     _, spread, count, *_ = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
         window,
@@ -166,7 +169,7 @@ def find_regions(task: SurfaceTileTask) -> RegionFacts:
         _path_near(tiles, window.bounds(config.cell_m)),
         Islands(*tiles.read_common(ISLANDS)),
         task.rough_limit_m,
-        task.uneven_m,
+        task.uneven.over(window, config.cell_m),
         task.is_dense,
         task.z0_m,
         config,
