@@ -1,9 +1,9 @@
 """How well rails, concrete barriers and fences are found and told apart, form by form.
 
 ``python -m benchmarks.rails`` simulates country roads with every form in a row, under usual and hard conditions, and
-scores each form within 10 cm: completeness, error across and in height, the share of the length found that has the right
-form (kind and form; what is on no true rail counts apart), and the least of the goals that is missed. ``--seeds 900-904``
-takes other ones, ``--each`` says it for every scene. Nothing may be tuned on the seeds that are reported.
+scores each form within 10 cm: completeness, error across and in height, pieces, and the share of the length found that has
+the right form (kind and form; what is on no true rail counts apart). ``--seeds 900-904`` takes other ones, ``--each`` says
+it for every scene. Where figures are of seeds that were looked at while something was built, that is to stand beside them.
 """
 
 import argparse

@@ -120,6 +120,7 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
         n = int(curve.length_m)
         station_m = np.linspace(0.0, curve.length_m, n + 1)
         rows = _rows(cut, index, curve, station_m)
+        # Along a stray as well: what is beside it is evidence about other lines
         patches = patches_within_lanes(barred.paint(rows), widths_m)
         barred.add(rows, patches)
         if i in barred.strays:

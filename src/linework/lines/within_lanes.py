@@ -44,7 +44,8 @@ class PaintDistances:
     Parameters
     ----------
     rows
-        Paint at stations 1 m apart, each from right to left.
+        Paint at stations along a road, each from right to left. They are 1 m apart, or up to a tenth more: the length of
+        a road, at least 10 m, is divided into as many equal parts as it has whole metres.
     """
 
     def __init__(self, rows: Sequence[Sequence[PaintRow]]) -> None:
@@ -55,18 +56,26 @@ class PaintDistances:
             for a, b in combinations([row for row in here if not row.bridged], 2)
         ]
         table: FloatArray = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-        order = np.argsort(table[:, 1], kind="stable")
-        self._station: IntArray = table[order, 0].astype(np.int64)
-        self._distance_m: FloatArray = table[order, 1]
+        station: IntArray = table[:, 0].astype(np.int64)
+        self._station = station
+        self._distance_m: FloatArray = np.ascontiguousarray(table[:, 1])
+        # Pairs are sorted by station: those within reach of each of them lie side by side
+        reach = int(_REACH_M / STATION_M)
+        each = np.arange(len(rows))
+        self._first: list[int] = np.searchsorted(station, each - reach).tolist()
+        self._end: list[int] = np.searchsorted(station, each + reach, side="right").tolist()
 
     def kept_m(self, k: int, distance_m: float) -> float:
         """Return over how many metres within reach of a station some paint has a distance from other paint."""
-        low, high = np.searchsorted(
-            self._distance_m, (distance_m - _SAME_DISTANCE_M, distance_m + _SAME_DISTANCE_M)
+        near = slice(self._first[k], self._end[k])
+        apart = self._distance_m[near]
+        is_same: BoolArray = (apart >= distance_m - _SAME_DISTANCE_M) & (
+            apart < distance_m + _SAME_DISTANCE_M
         )
-        stations = self._station[low:high]
-        is_near: BoolArray = np.abs(stations - k) * STATION_M <= _REACH_M
-        return len(np.unique(stations[is_near])) * STATION_M
+        stations = self._station[near][is_same]
+        if not len(stations):
+            return 0.0
+        return (1 + int(np.count_nonzero(np.diff(stations)))) * STATION_M
 
 
 def patches_within_lanes(paint: PaintDistances, lane_m: tuple[float, float]) -> list[frozenset[int]]:

@@ -110,3 +110,25 @@ def test_a_bow_on_which_no_point_lies_is_none():
     wire = fit_members(band, np.arange(len(band.xyz)), Widths(0.9780819158541194))
     assert wire.plan.bow_per_m == 0.0
     assert np.isfinite(wire.fit.curve.height_at(0.0))
+
+
+#: Points of upright things: of what bends through them in plan, only six lie on the bow.
+MOSTLY_BESIDE = np.array([
+    [0.65, -1.10, 8.10], [0.63, -1.08, 8.15], [0.44, -1.62, 9.47], [-1.82, 1.13, 9.17],
+    [0.65, -1.06, 8.31], [0.63, -1.10, 8.59], [-1.86, 1.11, 9.53], [0.60, -1.06, 8.19],
+    [-1.81, 1.14, 9.04], [0.41, -1.65, 9.53], [0.44, -1.62, 9.57], [-1.83, 1.08, 9.14],
+    [0.61, -1.12, 7.98], [0.42, -1.60, 9.35],
+])  # fmt: skip
+
+
+def test_a_bow_on_which_few_points_lie_is_none():
+    band = band_of(MOSTLY_BESIDE)
+    wire = fit_members(band, np.arange(len(band.xyz)), Widths(0.6))
+    assert wire.plan.bow_per_m == 0.0
+
+
+def test_a_bow_on_which_the_points_lie_is_kept():
+    points = wire_points(40.0, 1)
+    points[:, 1] += 0.5 * ((points[:, 0] - 27.0) / 20.0) ** 2
+    wire = fit_members(band_of(points), np.arange(len(points)), WIDTHS)
+    assert wire.plan.bow_per_m == pytest.approx(2 * 0.5 / 20.0**2, rel=0.1)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from linework.methods.radon.method import Radon
+from linework.methods.rails import forms
 from linework.methods.rails.circles import CircleConfig
 from linework.methods.rails.forms import form_of_run, formed_stretches
 from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit
@@ -331,3 +334,51 @@ def test_the_top_of_a_fence_is_not_above_its_points():
     assert fence.form == "mesh"
     assert np.max(fence.xyz[:, 2]) < 1.35
     assert abs(np.median(fence.xyz[:, 2]) - 1.3) < 0.05
+
+
+def levelled(monkeypatch, letters, first=0):
+    """Which windows of a line from the window `first` on are looked at along the road; their numbers on the whole line.
+
+    Windows show two beams ("g") or nothing ("-"); the edge that is followed falls and rises by 0.3 m all along.
+    """
+    two = tuple(Band(low, low + 0.3, "folded", 0.0, 1.0, 0.0) for low in (-0.3, -0.8))
+    show = {"g": SectionForm("guardrail", "thrie_beam", two, hangs=True), "-": NOTHING}
+    nodes = np.arange(4 * first, 4 * len(letters))
+    x = 0.5 * nodes
+    line = np.column_stack([x, np.zeros(len(x)), np.ones(len(x))])
+    followed: Any = SimpleNamespace(
+        rail=SimpleNamespace(xy=line[:, :2], top_m=line[:, 2], measured=np.ones(len(x), dtype=bool),
+                             profile=SimpleNamespace(window=13)),
+        xyz=line, height_m=0.8 + 0.15 * (nodes // 6 % 2), above_ground_m=np.ones(len(x)),
+    )  # fmt: skip
+    seen: list[int] = []
+
+    def told(counts, *_):
+        number, is_level = counts
+        if is_level:
+            seen.append(number)
+        return show[letters[number]]
+
+    def sections(nodes, windows, *_):
+        # The same window is told by its place; those at the ends are cut off
+        is_level = np.ptp(nodes[:, 3]) > 0.0
+        middle = [a + 6 if b - a == 13 else (b - 7 if a == 0 else a + 6) for a, b in windows.tolist()]
+        return [(int(nodes[i, 0] // 2.0), is_level) for i in middle]
+
+    monkeypatch.setattr(forms, "sections_at", sections)
+    monkeypatch.setattr(forms, "form_of_section", told)
+    monkeypatch.setattr(forms, "above_beside_m", lambda _, xyz: np.zeros(len(xyz)))
+    monkeypatch.setattr(forms, "road_noise_m", lambda _, xyz: np.zeros(len(xyz)))
+    nowhere: Any = SimpleNamespace(origin=np.zeros(3))
+    forms.forms_along(followed, nowhere, nowhere, CircleConfig())
+    return seen
+
+
+def test_what_is_between_rails_does_not_depend_on_where_a_tile_begins(monkeypatch: pytest.MonkeyPatch):
+    """Rails far away say nothing, so that all windows have the same neighbours in any tile with a buffer of 12 m."""
+    letters = "g" + "-" * 48 + "ggg--gg------ggg" + "-" * 34 + "g"
+    whole = levelled(monkeypatch, letters)
+    for first in (1, 20, 43):
+        assert levelled(monkeypatch, letters, first) == [i for i in whole if i >= first]
+    # Windows with a rail near on both sides
+    assert whole == [52, 53, *range(56, 62)]

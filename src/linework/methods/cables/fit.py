@@ -186,8 +186,8 @@ def fit_members(
     if bent is not plan:
         bent_s, bent_o = bent.stations(xyz[:, :2])
         bent_weights = kernels.tukey(bent_o, max(sigma, widths.sigma_m))
-        # A bow on which no point lies is none
-        if bent_weights.any():
+        # A bow that fewer points lie on than define one is none
+        if np.count_nonzero(bent_weights) >= LEAST_BOW_POINTS:
             plan, sigma_o, s, weights = bent, sigma, bent_s, bent_weights
     centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
     hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))

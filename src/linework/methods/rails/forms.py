@@ -36,7 +36,8 @@ from linework.surface.road import Ground
 
 #: Stations between two windows: a third of a window's length. [stations]
 _EVERY = 4
-#: Windows to either side that tell the outline of bars together: two that share no points with this one. [windows]
+#: Windows to either side that tell the outline of bars together, or that a rail goes on: two that share no points with this
+#: one. [windows]
 _BESIDE = 6
 #: Height above a tried edge that is to be clear: that of the kernel. [m]
 _CLEAR_M = 0.10
@@ -105,9 +106,10 @@ def forms_along(
         for seen in zip(held, above.tolist(), noise.tolist(), beside.tolist(), strict=True)
     ]
     height_m = placed.height_m
+    is_between = _are_between_rails(at_asked, forms)
     for i, (first, end) in enumerate(windows.tolist()):
         is_open = not forms[i].form or forms[i].kind == "fence"
-        if is_open and np.ptp(height_m[first:end]) > _OTHER_BEAM_M and _is_between_rails(forms, i):
+        if is_open and np.ptp(height_m[first:end]) > _OTHER_BEAM_M and is_between[i]:
             # What is followed changes from one beam to another, which smears them: they are level over the road
             level = nodes.copy()
             level[:, 3] += height_m[at_asked[i]] - height_m
@@ -119,10 +121,15 @@ def forms_along(
     return at, _with_neighbours([next(found) if is_asked else NOTHING for is_asked in asked.tolist()])
 
 
-def _is_between_rails(forms: list[SectionForm], i: int) -> bool:
-    """Return whether windows before and after one show a rail of several beams; ends that dip have none beyond them."""
-    shows = [s.kind == "guardrail" and len(s.bands) > 1 and not s.is_level for s in forms]
-    return any(shows[:i]) and any(shows[i + 1 :])
+def _are_between_rails(at: IntArray, forms: list[SectionForm]) -> BoolArray:
+    """Return which windows (k,) bool have one before and one after that show a rail of several beams, both near.
+
+    Ends that dip have none beyond them. `at` (k,) are the stations of the windows, ascending.
+    """
+    shows = at[[s.kind == "guardrail" and len(s.bands) > 1 for s in forms]]
+    before = np.searchsorted(shows, at) - np.searchsorted(shows, at - _BESIDE * _EVERY)
+    after = np.searchsorted(shows, at + _BESIDE * _EVERY, "right") - np.searchsorted(shows, at, "right")
+    return np.asarray((before > 0) & (after > 0))
 
 
 def _with_neighbours(forms: list[SectionForm]) -> list[SectionForm]:
