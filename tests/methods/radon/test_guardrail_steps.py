@@ -1,7 +1,5 @@
 """Every step of the guardrail part on small scenes made by hand, where the line is known to the millimetre."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.scenes import rail_scenes as made
@@ -10,10 +8,8 @@ from tests.scenes.rail_scenes import RADON, TOP_M, bend, extract, prepare, rail_
 from linework.methods.radon.seeds import SeedConfig, SeedLines, find_seed_lines, split_into_segments
 from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import find_starts
-from linework.methods.rails.forms import FormedStretch, fitted_again
 from linework.methods.rails.rail_lines import rail_lines
 from linework.methods.rails.rails import fit_rail
-from linework.methods.rails.sections import Band, SectionForm
 from linework.model.grid import Grid, Image
 
 SEEDS, CIRCLES, PROFILE = RADON.seeds, RADON.circles, RADON.profile
@@ -230,19 +226,6 @@ def test_the_fit_is_the_middle_of_the_corrugation_and_the_top_edge(noise_m):
     assert np.mean(rail.measured) > 0.95
     assert np.all((rail.sigma_xy_m >= 0.01) & (rail.sigma_xy_m < 0.03))
     assert np.all((rail.sigma_z_m >= 0.01) & (rail.sigma_z_m < 0.04))
-
-
-def test_an_edge_that_lies_far_below_what_is_followed_at_an_end_is_found():
-    """Where an end dips, what is followed may go on level: the fit is looked at once more about where it ends."""
-    p = prepare(straight(rail_scene(rng_of())))
-    (chain,) = followed_in(p)
-    rail = fit_rail(chain, p.bins, CIRCLES, PROFILE)
-    n = len(chain)
-    off = rail.top_m + np.where(np.arange(n) >= n - 5, 0.45, 0.0)
-    whole = SectionForm("guardrail", "thrie_beam", (Band(-0.31, 0.0, "flat", 0.0, 1.0, 0.0),), hangs=True)
-    stretch = FormedStretch(slice(0, n), whole, 1.0, *np.zeros((2, n)))
-    (fit,) = fitted_again(replace(rail, top_m=off), stretch, p.bins, CIRCLES, PROFILE)
-    assert np.abs(fit.top_m - rail.top_m).max() < 0.05
 
 
 def test_the_fit_in_a_bend_of_18_m_does_not_cut_it():

@@ -48,8 +48,6 @@ _MOST_BEAM_M = 0.30
 #: What is followed changes to another beam where it rises or falls by more within a window: pipes are 0.2 m and more
 #: apart, ends dip by 0.35 m, and show their form all the same. [m]
 _OTHER_BEAM_M = 0.10
-#: Fits of an upper edge, each about the one before.
-_ROUNDS = 2
 #: Weight of points above an edge, per equal area: twice, as for a W-beam.
 _ABOVE_WEIGHT = 2.0
 
@@ -307,10 +305,7 @@ def fitted_again(
         chain = np.column_stack([xy, top, number, rail.measured[run]])
         beam = min(band.height_m, _MOST_BEAM_M)
         edge = EdgeShape(beam=beam, above=_ABOVE_WEIGHT * beam / _CLEAR_M, under=0.0)
-        for _ in range(_ROUNDS):
-            # Where the edge dips it is found 0.3 m off at most: what is followed may be farther off, above all at ends
-            (fit,) = fit_rails([chain], bins, circles, config, edge)
-            chain = np.column_stack([xy, fit.top_m, np.maximum(fit.profile.number, 1.0), fit.measured])
+        (fit,) = fit_rails([chain], bins, circles, config, edge)
         if stretch.section.form in ("box_beam", "tube"):
             # The line is the axis, which the points of the visible faces are not on
             fit = replace(fit, xy=xy + band.axis_m * left)

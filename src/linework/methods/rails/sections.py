@@ -358,7 +358,7 @@ def _least_thin(noise_m: float) -> float:
     """Return the share of the points of a sheet without thickness that lies within 5 cm of it, less what mesh loses.
 
     >>> round(_least_thin(0.01), 3), round(_least_thin(0.03), 3)
-    (0.95, 0.869)
+    (0.95, 0.87)
     """
     usual, here = (erf(ON_OUTLINE_M / (np.sqrt(2.0) * max(sigma, USUAL_NOISE_M))) for sigma in (0.0, noise_m))
     return fitted.LEAST_THIN * here / usual
