@@ -125,8 +125,8 @@ def beam_biases(points: Points, lines: ScanLines) -> BeamBiases:
     )  # fmt: skip
 
 
-def laser_gains(points: Points, laser: AnyArray) -> tuple[FloatArray, FloatArray]:
-    """Return how much brighter each laser sees things than all, and the standard deviation of its logarithm, (b,).
+def laser_gains(points: Points, laser: AnyArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the lasers, how much brighter each sees things than all, and the sigma of the logarithm of that, (b,) each.
 
     Parameters
     ----------
@@ -140,8 +140,10 @@ def laser_gains(points: Points, laser: AnyArray) -> tuple[FloatArray, FloatArray
     As `beam_biases`, without scan lines. The sigma is NaN, and the gain 1, of lasers that meet others in few cells.
     """
     if points.intensity is None or not len(points):
-        return np.ones(0), np.ones(0)
-    index = laser.astype(np.int64)
+        return np.zeros(0, dtype=np.int64), np.ones(0), np.ones(0)
+    # Numbers of lasers may be any: 64 of them from 1000 on
+    numbers, index = np.unique(laser.astype(np.int64), return_inverse=True)
+    index = index.ravel()
     weight = np.bincount(index).astype(np.float64)
     place = np.floor(points.xyz[:, :2] / CELL_M).astype(np.int64)
     place -= place.min(axis=0)
@@ -155,7 +157,7 @@ def laser_gains(points: Points, laser: AnyArray) -> tuple[FloatArray, FloatArray
     logs = np.full(len(bright), np.nan)
     logs[known] = np.log(bright[known])
     gain, sigma = _offsets(cell[order], index[order], logs, weight)
-    return np.exp(gain), sigma
+    return numbers, np.exp(gain), sigma
 
 
 def _beams_of(lines: ScanLines) -> tuple[AnyArray, AnyArray, IntArray]:

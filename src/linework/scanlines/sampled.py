@@ -142,8 +142,10 @@ def _gains_of_pieces(pieces: Sequence[Points]) -> LaserGains:
     intensity = np.concatenate([piece.intensity for piece in known if piece.intensity is not None])
     has = np.flatnonzero(laser >= 0)  # NaN: of a file without lasers
     xyz = np.concatenate([piece.xyz for piece in known])
-    gains, sigmas = laser_gains(Points(xyz[has], intensity=intensity[has]), laser[has])
-    return LaserGains(name, np.where(np.isfinite(sigmas), gains, 1.0))
+    numbers, gains, sigmas = laser_gains(Points(xyz[has], intensity=intensity[has]), laser[has])
+    of_number = np.ones(int(numbers.max(initial=-1)) + 1)
+    of_number[numbers] = np.where(np.isfinite(sigmas), gains, 1.0)
+    return LaserGains(name, of_number)
 
 
 def _without_devices(points: Points) -> Points:

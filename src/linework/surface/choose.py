@@ -155,14 +155,15 @@ class _Nodes:
                 beside = places.setdefault(one, {})
                 beside[other] = beside.get(other, 0) + n
         cells, nodes = self.sums("cells"), self._by_points()
-        nodes = nodes[np.argsort(-(self.sums("points") / np.maximum(cells, 1))[nodes], kind="stable")]
+        density = self.sums("points") / np.maximum(cells, 1)
+        nodes = nodes[np.argsort(-density[self.group[nodes]], kind="stable")]
         taken = set(self.group[self.chosen].tolist())
         for node in nodes[wanted[nodes] & ~self.chosen[nodes]].tolist():
             group = int(self.group[node])
             touched = sum(
                 n for other, n in places.get(group, {}).items() if other in taken and other != group
             )
-            if touched <= _FEW_CONTACTS * cells[node]:
+            if touched <= _FEW_CONTACTS * cells[group]:
                 taken.add(group)
         self.chosen |= np.isin(self.group, list(taken))
 

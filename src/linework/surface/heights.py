@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, offsets_of
 from linework.kernels.cells import surface as kernels
 from linework.surface.cells import CellWindow, drops_of_cells
 from linework.surface.config import RoadConfig
@@ -105,9 +106,9 @@ class SpreadsUnder:
         rows, cols = window.blocks(cell_m)
         r, c = np.divmod(cells, window.n_cols)
         each = np.stack([cols[c], rows[r]], axis=-1)
-        blocks, at = np.unique(each, axis=0, return_inverse=True)
-        spreads = heights.spread.ravel()[cells]
-        of_blocks = [count_spreads(spreads[None, at.ravel() == k]) for k in range(len(blocks))]
+        blocks, at, n = np.unique(each, axis=0, return_inverse=True, return_counts=True)
+        spreads = heights.spread.ravel()[cells][np.argsort(at.ravel(), kind="stable")]
+        of_blocks = [count_spreads(spreads[None, a:b]) for a, b in pairwise(offsets_of(n).tolist())]
         return cls(blocks.reshape(-1, 2), np.array(of_blocks, dtype=np.int64).reshape(-1, _N_SPREADS))
 
     @classmethod
@@ -155,36 +156,45 @@ class UnevenLimits:
     limit_m
         (k,) of each. [m]
     elsewhere_m
-        Where no path is near. [m]
+        (1,) where no path is near. [m]
     """
 
     blocks: IntArray
     limit_m: FloatArray
-    elsewhere_m: float
+    elsewhere_m: FloatArray
+
+    @property
+    def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """The limits as arrays, in the order in which they are taken."""
+        return self.blocks, self.limit_m, self.elsewhere_m
 
     @classmethod
     def of(cls, under: SpreadsUnder, config: RoadConfig) -> UnevenLimits:
         """Return the limits that follow from the spreads of the cells under the path.
 
         >>> nowhere = SpreadsUnder(np.zeros((0, 2), np.int64), np.zeros((0, 501), np.int64))
-        >>> UnevenLimits.of(nowhere, RoadConfig()).elsewhere_m
-        0.06
+        >>> UnevenLimits.of(nowhere, RoadConfig()).elsewhere_m.tolist()
+        [0.06]
         """
         limits = [_limit_beside(counts, config) for counts in under.counts]
-        return cls(under.blocks, np.array(limits), _limit_beside(under.counts.sum(axis=0), config))
+        everywhere = np.array([_limit_beside(under.counts.sum(axis=0), config)])
+        return cls(under.blocks, np.array(limits), everywhere)
 
     def over(self, window: CellWindow, cell_m: float) -> Float32Array:
         """Return the limit of each cell of a window, (n_rows, n_cols) float32 [m]: the largest of its block and those around.
 
         A track that begins there is as rough as it is under the van.
         """
-        rows, cols = window.blocks(cell_m)
-        limit = np.full((len(np.unique(rows)), len(np.unique(cols))), np.nan)
-        (r, of_row), (c, of_col) = np.unique(rows, return_inverse=True), np.unique(cols, return_inverse=True)
-        for (east, north), value in zip(self.blocks.tolist(), self.limit_m.tolist(), strict=True):
-            near = limit[np.ix_(np.abs(r - north) <= 1, np.abs(c - east) <= 1)]
-            limit[np.ix_(np.abs(r - north) <= 1, np.abs(c - east) <= 1)] = np.fmax(near, value)
-        limit[np.isnan(limit)] = self.elsewhere_m
+        (r, of_row), (c, of_col) = (
+            np.unique(numbers, return_inverse=True) for numbers in window.blocks(cell_m)
+        )
+        low, high = np.array([c[0], r[0]]) - 1, np.array([c[-1], r[-1]]) + 1
+        at = np.flatnonzero(np.all((self.blocks >= low) & (self.blocks <= high), axis=1))
+        limit = np.full((len(r), len(c)), np.nan)
+        for (east, north), value in zip(self.blocks[at].tolist(), self.limit_m[at].tolist(), strict=True):
+            around = np.ix_(np.abs(r - north) <= 1, np.abs(c - east) <= 1)
+            limit[around] = np.fmax(limit[around], value)
+        limit[np.isnan(limit)] = self.elsewhere_m[0]
         return limit[np.ix_(of_row, of_col)].astype(np.float32)
 
 

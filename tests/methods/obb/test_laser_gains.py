@@ -37,6 +37,22 @@ def test_gains_of_lasers_are_found_in_any_order(turned):
     assert gains.gain.tobytes() == gains_of_points(points).gain.tobytes()
 
 
+def test_lasers_may_have_any_numbers():
+    points = worn_line(9895)
+    far = linework.Points(
+        points.xyz,
+        intensity=points.intensity,
+        time_s=points.time_s,
+        crs="EPSG:25832",
+        ring=points.columns["ring"] + 60_000,
+    )
+    gains = gains_of_points(far)
+    assert gains.gain[60_000:].tobytes() == gains_of_points(points).gain.tobytes()
+    assert (
+        gains.without(far).intensity.tobytes() == gains_of_points(points).without(points).intensity.tobytes()
+    )
+
+
 def test_points_of_one_laser_keep_their_intensities():
     points = worn_line(9896)
     single = linework.Points(points.xyz, intensity=points.intensity, time_s=points.time_s, crs="EPSG:25832")

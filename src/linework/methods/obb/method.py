@@ -130,19 +130,19 @@ class Obb:
 
     def _box_steps(self, tile: TileData, cores: Sequence[Bounds] = ()) -> Iterator[StepResult]:
         """Yield name and result of each step of `find_boxes`."""
-        assert tile.surface is not None, "a tile of a survey comes with its surface"
+        surface = tile.surface
+        assert surface is not None, "a tile of a survey comes with its surface"
         probability = None
         if self.seeks_paint and self.paint is not None:
-            probability = paint_probability(tile.points, tile.surface, self.paint)
+            probability = paint_probability(tile.points, surface, self.paint)
             yield "probability of paint", probability
         # What lasers see differently is not paint
         tile = replace(tile, points=tile.gains.without(tile.points))
-        assert tile.surface is not None
         if self.seeks_paint:
             config = self.config.marking
-            yield "marking boxes", find_marking_boxes(tile, tile.surface, config, cores, probability)
+            yield "marking boxes", find_marking_boxes(tile, surface, config, cores, probability)
         if self._seeks_boundaries:
-            yield "boundary boxes", find_boundary_boxes(tile, tile.surface, self.config.boundary, cores)
+            yield "boundary boxes", find_boundary_boxes(tile, surface, self.config.boundary, cores)
 
     def join(self, found: BoxSet, survey: SurveyContext) -> LineSet:
         """Return the lines through the boxes of a survey, in world coordinates."""

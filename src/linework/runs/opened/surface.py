@@ -49,7 +49,7 @@ from linework.surface.regions import Islands, links_east, links_south
 from linework.surface.strays import LoneCells
 
 #: Version of the arrays on disk: surfaces of another version are made again.
-_VERSION = 7
+_VERSION = 8
 #: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
 SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
@@ -302,12 +302,11 @@ class _Making:
         """Run all passes; return the tiles that have a surface."""
         # The lowest supported height of every cell, and how much the layer above it spreads
         found = self._run(0, passes.find_heights, self._occupied)
+        uneven = UnevenLimits.of(SpreadsUnder.added([under for _, under, _ in found.values()]), self._config)
+        self._tiles.write_common(passes.UNEVEN, *uneven.arrays)
         self._task = replace(
             self._task,
             rough_limit_m=rough_limit_m(_added(spreads for spreads, _, _ in found.values()), self._config),
-            uneven=UnevenLimits.of(
-                SpreadsUnder.added([under for _, under, _ in found.values()]), self._config
-            ),
             is_dense=LoneCells.added(lone for _, _, lone in found.values()).is_dense,
         )
         filled = self._run(1, passes.leave_strays_out, [tile for tile, (n, _, _) in found.items() if len(n)])

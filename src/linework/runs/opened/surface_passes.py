@@ -37,7 +37,7 @@ PATH_BOX = 1024
 #: the cells as measured; the same without strays, and heights of blocks of them; road and ground labels; edges; road and ground labels that were chosen.
 MEASURED, CELLS, LABEL_ARRAY, EDGES, CHOSEN = "measured", "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
-PATH, ISLANDS = "path", "islands"
+PATH, ISLANDS, UNEVEN = "path", "islands", "uneven"
 #: Sigma of a ground that is not known, in a tile's surface.
 NOT_KNOWN = 65535
 #: Arrays that stay: road, ground, kind and sigma of the cells; coarse ground.
@@ -78,8 +78,6 @@ class SurfaceTileTask:
         Local height origin of the whole survey. [m, world]
     rough_limit_m
         Spread of the lowest layer above which a cell is rough [m]; not known yet in the first pass.
-    uneven
-        Largest spreads of cells of a road about their plane; not known yet in the first pass.
     is_dense
         Whether single low cells may be stray; not known yet in the first pass.
     """
@@ -90,7 +88,6 @@ class SurfaceTileTask:
     config: RoadConfig
     z0_m: float
     rough_limit_m: float = np.nan
-    uneven: UnevenLimits | None = None
     is_dense: bool = False
 
 
@@ -158,7 +155,6 @@ def _opened(folder: Path) -> PointStore:
 def find_regions(task: SurfaceTileTask) -> RegionFacts:
     """Write the labels of a tile's cells and its edges for the neighbours; return facts about its regions."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    assert task.uneven is not None, "known after the first pass"
     _, spread, count, *_ = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
         window,
@@ -169,7 +165,7 @@ def find_regions(task: SurfaceTileTask) -> RegionFacts:
         _path_near(tiles, window.bounds(config.cell_m)),
         Islands(*tiles.read_common(ISLANDS)),
         task.rough_limit_m,
-        task.uneven.over(window, config.cell_m),
+        UnevenLimits(*tiles.read_common(UNEVEN)).over(window, config.cell_m),
         task.is_dense,
         task.z0_m,
         config,
