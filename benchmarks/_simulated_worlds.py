@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
+import linework
 from benchmarks._edge_roles import role_lengths
 from benchmarks._failures import Cause, Stages, failures
 from benchmarks._real_worlds import false_m
+from linework.errors import LineworkWarning
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.report.tables import ReportTable, centimetres, number, percent
 from linework.evaluation.tolerance import KindMatch
 from linework.methods.obb.method import OBB_KINDS, Obb
-from linework.methods.radon.method import Radon
 from linework.model.boxes import BoxSet
 from linework.model.lines import KINDS, LineSet
 from linework.simulation.scene.parallel_edges import parallel_edges
@@ -56,20 +58,25 @@ def simulated(road: str, seed: int, length_m: float, **choices: Any) -> Simulate
     return simulate_survey(road, seed, length_m, **wanted)
 
 
-def scored_scene(survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResult, name: str) -> None:
-    """Extract one simulated survey and add what came out; say it in one line."""
+def scored_scene(
+    survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResult, name: str, *, causes: bool = True
+) -> None:
+    """Extract one simulated survey and add what came out; say it in one line.
+
+    What the methods had in hand on the way is looked up in all passes at once, where `extract` takes drive by
+    drive: it only names the causes.
+    """
     start = time.perf_counter()
-    found, stages = with_stages(survey, kinds)
+    found = extracted(survey, kinds)
     seconds = time.perf_counter() - start
-    found = found.with_columns(crs=survey.truth.crs)
     # The edges beside boundaries have roles, but no complete truth
     into.roles += role_lengths(found["edge_other"], parallel_edges(survey.scenario), "role")
     into.forms += role_lengths(found["road_boundary"], survey.truth["road_boundary"], "form")
     kinds = [kind for kind in kinds if kind != "edge_other"]
     parts = match_lines(found, survey.truth, kinds=kinds)
-    causes = failures(found, survey.truth, stages, kinds, TOLERANCE_M)
     into.parts += parts
-    into.causes += causes
+    if causes:
+        into.causes += failures(found, survey.truth, stages_of(survey, kinds), kinds, TOLERANCE_M)
     into.seconds += seconds
     into.hectares += hectares_of(survey)
     told = []
@@ -80,24 +87,27 @@ def scored_scene(survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResul
     print(f"{name}: {len(survey.points) / 1e6:.2f} M points, {seconds:.1f} s; {'; '.join(told)}", flush=True)
 
 
-def with_stages(survey: SimulatedSurvey, kinds: Sequence[str]) -> tuple[LineSet, Stages]:
-    """Return the lines of a survey, and what the methods had in hand on the way."""
+def extracted(survey: SimulatedSurvey, kinds: Sequence[str]) -> LineSet:
+    """Return the lines that `linework.extract` finds with default settings, in the CRS of the truth."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LineworkWarning)
+        found = linework.extract(survey.points, trajectory=survey.trajectory, kinds=kinds)
+    return found.with_columns(crs=survey.truth.crs)
+
+
+def stages_of(survey: SimulatedSurvey, kinds: Sequence[str]) -> Stages:
+    """Return what the methods have in hand on the way, all points looked at as one window."""
     points, trajectory = survey.points, survey.trajectory
     ground = find_ground(points, trajectory)
     path = np.zeros((0, 3)) if trajectory is None else trajectory.xyz
-    lines, boxes, tracked = [], list[BoxSet](), LineSet.empty()
+    boxes, tracked = list[BoxSet](), LineSet.empty()
     if any(kind in OBB_KINDS for kind in kinds):
         for name, result in Obb().steps(points, trajectory, ground):
             if name in ("marking boxes", "boundary boxes"):
                 boxes.append(result)
             elif name == "paint":
                 tracked = result
-            elif name == "lines":
-                lines.append(result)
-    if any(kind not in OBB_KINDS for kind in kinds):
-        lines += [result for name, result in Radon().steps(points, trajectory, ground) if name == "lines"]
-    found = LineSet.concatenate([one.with_columns(crs="local") for one in lines])
-    return found, Stages(BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey), path)
+    return Stages(BoxSet.concatenate(boxes), tracked, ground, points, scan_line_s(survey), path)
 
 
 def scan_line_s(survey: SimulatedSurvey) -> float:

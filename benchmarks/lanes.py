@@ -22,7 +22,7 @@ from benchmarks._failures import (
     WINDOW_M,
     places_of,
 )
-from benchmarks._simulated_worlds import simulated, with_stages
+from benchmarks._simulated_worlds import extracted, simulated
 from linework.errors import LineworkWarning
 from linework.lines.lane_evidence import SINGLE_LANE_M
 from linework.lines.lanes import find_lanes
@@ -58,7 +58,7 @@ def main(arguments=()):
     for road in options.roads:
         for seed in options.seeds:
             survey = simulated(road, seed, options.length_m, points_per_m=options.points_per_m)
-            lines = survey.truth if options.exact else with_stages(survey, KINDS)[0]
+            lines = survey.truth if options.exact else extracted(survey, KINDS)
             rows.append((road, compared(survey, find_lanes(lines))))
             print(f"{road:11}{seed:5}{shown(rows[-1][1])}", flush=True)
     print(

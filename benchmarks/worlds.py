@@ -4,8 +4,8 @@
 the repository, or what the variable LINEWORK_REAL_DATA names); each is extracted with default settings and scored
 within the area of its reference (tests/references). ``--surveys av2,here-a22`` takes some of them, ``none`` none.
 ``--roads urban,motorway --seeds 900-904`` takes scenes of the simulator, by the names that it gives them, ``none``
-none; ``--scanners`` and ``--conditions`` likewise, ``--holes`` leaves stretches without points. Nothing may be tuned
-on the seeds that are reported.
+none; ``--scanners`` and ``--conditions`` likewise, ``--holes`` leaves stretches without points. Scored is what
+``linework.extract`` gives. Nothing may be tuned on the seeds that are reported.
 """
 
 import argparse
@@ -39,7 +39,9 @@ def main(arguments=()):
         print_tables([real_table(real_worlds(checked_data(options.data), names))])
     if options.roads != NONE:
         results = scenes_of(options)
-        tables = [scores_table(results), causes_table(results), causes_table([summed(results)])]
+        tables = [scores_table(results)]
+        if options.causes:
+            tables += [causes_table(results), causes_table([summed(results)])]
         every = [*results, summed(results)]
         for title, of in (("Roles of edges beside boundaries", "roles"), ("Forms of boundaries", "forms")):
             tables.append(roles_table(title, [(result.scene, getattr(result, of)) for result in every]))
@@ -56,6 +58,9 @@ def parsed(arguments):
     parser.add_argument("--holes", action="store_true", help="stretches of road without points")
     parser.add_argument("--seeds", default=SEEDS, help="first-last, or a list")
     parser.add_argument("--kinds", default=",".join(ALL_KINDS))
+    parser.add_argument(
+        "--no-causes", dest="causes", action="store_false", help="scores alone: half the time"
+    )
     parser.add_argument("--length-m", type=float, default=150.0)
     parser.add_argument("--points-per-m", type=float, default=None)
     return parser.parse_args(list(arguments))
@@ -76,7 +81,7 @@ def scenes_of(options):
                             scanner=scanner or None, conditions=conditions or None,
                             holes=options.holes or None,
                         )  # fmt: skip
-                        scored_scene(survey, kinds, result, name)
+                        scored_scene(survey, kinds, result, name, causes=options.causes)
                     except LineworkError as problem:
                         print(f"{name}: {problem}", flush=True)
                 results.append(result)
