@@ -19,12 +19,12 @@ SUMS = np.zeros((N_PROFILE_BINS + 1, PROFILE_SUMS))
 MIDDLE_M = 0.25
 
 
-def area(seed, *, paint_m=(0.17, 0.29), verge=8000.0):
+def area(seed, *, paint_m=(0.17, 0.29), verge=8000.0, spread=0.25):
     """Points about a place on the pavement: asphalt, paint between two distances from its end, and a smooth verge."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-0.8, 0.8, (2, 1600))
     v = y + MIDDLE_M
-    bright = np.where(v < 0.0, verge, 2900.0) * rng.normal(1.0, np.where(v < 0.0, 0.25, 0.1))
+    bright = np.where(v < 0.0, verge, 2900.0) * rng.normal(1.0, np.where(v < 0.0, spread, 0.1))
     bright = np.where((v > paint_m[0]) & (v < paint_m[1]), 9000.0 * rng.normal(1.0, 0.12, len(v)), bright)
     height = rng.normal(0.0, 0.003, len(v)) + np.where(v < 0.0, 0.01 + 0.007 * rng.normal(size=len(v)), 0.0)
     return np.column_stack([x, y, height, bright, np.arange(len(v))])
@@ -47,6 +47,14 @@ def test_paint_with_a_strip_of_road_behind_it_is_not_the_edge(seed):
     assert found is None or abs(found) < 0.1
     # Without paint, brightness shows where the pavement ends
     assert abs(edge_of(area(seed, paint_m=(9.0, 9.0)))) < 0.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("verge", [2600.0, 3300.0, 4500.0])
+def test_the_border_of_bright_paint_is_not_the_edge_of_a_verge_of_like_brightness(seed, verge):
+    found = edge_of(area(seed, paint_m=(0.25, 0.37), verge=verge, spread=0.1))
+    assert found is not None
+    assert abs(found) < 0.06
 
 
 def test_a_strip_shows_although_the_axis_is_turned():

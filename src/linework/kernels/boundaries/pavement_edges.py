@@ -80,8 +80,8 @@ SIDE_POINTS = 10
 #: Smallest clearness: twice the log likelihood ratio that two more spreads and two more levels reach by chance once in
 #: 10 000 places.
 CLEAR_SPLIT = 24.0
-#: Bins that are checked together for one brightness, and the fewest points of them.
-STEADY_BINS, STEADY_POINTS = 5, 3.0
+#: Bins that are checked together for one brightness, the fewest points of them, and how many lie on one side at most.
+STEADY_BINS, STEADY_POINTS, N_LEVELS = 5, 3.0, 8
 #: Turns at which a strip of road between paint and a verge may show [rad]; its least width [m]; and the standard deviations
 #: by which its brightness is clearly that of the road.
 STRIP_TURNS = np.deg2rad(np.arange(-16.0, 17.0, 4.0))
@@ -97,14 +97,24 @@ def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, fl
     if n < SIDE_POINTS:
         return 0.0, 1.0, 1.0, 0.0, 0.0
     bright = (b[BIN_I] - a[BIN_I]) / n
-    square = max((b[BIN_II] - a[BIN_II]) / n - bright * bright, 0.0)
-    return (
-        n,
-        left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2,
-        square + (LEAST_CONTRAST * bright) ** 2 + LEAST_BRIGHT_VARIANCE,
-        z,
-        bright,
-    )
+    square = max((b[BIN_II] - a[BIN_II]) / n - bright * bright, 0.0) + least_bright_variance(bright)
+    heights = left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2
+    return n, heights, square, z, bright
+
+
+@njit(cache=True, nogil=True)
+def least_bright_variance(level: float) -> float:
+    """Return the least variance of the brightness about a level."""
+    return float((LEAST_CONTRAST * level) ** 2 + LEAST_BRIGHT_VARIANCE)
+
+
+@njit(cache=True, nogil=True)
+def sloping_variance(sums: FloatArray) -> float:
+    """Return the variance of the brightness about a line through it; sums: (9,) of some bins."""
+    n = sums[BIN_N]
+    mv, mean = sums[BIN_V] / n, sums[BIN_I] / n
+    vi, vv = sums[BIN_VI] / n - mv * mean, sums[BIN_VV] / n - mv * mv + LEAST_VV
+    return float(max(sums[BIN_II] / n - mean * mean - vi * vi / vv, 0.0) + least_bright_variance(mean))
 
 
 @njit(cache=True, nogil=True)
@@ -119,6 +129,54 @@ def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
         if n >= STEADY_POINTS and (sums[a, BIN_I] - sums[b, BIN_I] > level * n) != above:
             return False
     return True
+
+
+@njit(cache=True, nogil=True)
+def stripe_before(sums: FloatArray, k: int, beyond: float, levels: FloatArray) -> tuple[bool, int, int]:
+    """Return whether one brightness lies before bin k, but for a stripe of paint at most, and the bins of the stripe.
+
+    Paint along a pavement is brighter than pavement and verge: at its border two sides would differ most, one of mixed
+    and one of even brightness. The pavement's level is the median along the profile; what differs from it by more
+    than half of what the brightness `beyond` does is a stripe, which does not touch bin k. sums: as for `is_steady`;
+    levels: (`N_LEVELS`,) scratch.
+    """
+    n_levels = 0
+    for b in range(k, N_PROFILE_BINS, STEADY_BINS):
+        a = min(b + STEADY_BINS, N_PROFILE_BINS)
+        n = sums[a, BIN_N] - sums[b, BIN_N]
+        if n >= STEADY_POINTS and n_levels < N_LEVELS:
+            levels[n_levels] = (sums[a, BIN_I] - sums[b, BIN_I]) / n
+            n_levels += 1
+    base, first, last = np.median(levels[: max(n_levels, 1)]), 0, 0
+    for b in range(k, N_PROFILE_BINS, STEADY_BINS):
+        a = min(b + STEADY_BINS, N_PROFILE_BINS)
+        n = sums[a, BIN_N] - sums[b, BIN_N]
+        off = abs((sums[a, BIN_I] - sums[b, BIN_I]) / max(n, 1.0) - base)
+        if n >= STEADY_POINTS and off > 0.5 * abs(beyond - base):
+            first, last = first or b, a
+    return n_levels > 0 and first != k and last - first <= WIDE_BINS, first, last
+
+
+@njit(cache=True, nogil=True)
+def brightness_gain(sums: FloatArray, k: int, beyond: float, levels: FloatArray) -> tuple[float, float]:
+    """Return how much clearer two levels of brightness are than one that slopes, and the level before bin k.
+
+    A stripe of paint before bin k is left out; with more than that the gain is zero. Parameters as for `stripe_before`.
+    """
+    is_one, first, last = stripe_before(sums, k, beyond, levels)
+    before = sums[N_PROFILE_BINS] - sums[k] - (sums[last] - sums[first])
+    whole = before + sums[k] - sums[FAR_BIN]
+    n_a, n = before[BIN_N], whole[BIN_N]
+    level, n_b = before[BIN_I] / max(n_a, 1.0), n - n_a
+    steady = is_one and n_a >= SIDE_POINTS and is_steady(sums, k, 0.5 * (level + beyond), beyond > level)
+    if not steady:
+        return 0.0, beyond
+    left = sloping_variance(whole)
+    i_a = max(before[BIN_II] / n_a - level * level, 0.0) + least_bright_variance(level)
+    i_b = max((sums[k, BIN_II] - sums[FAR_BIN, BIN_II]) / n_b - beyond * beyond, 0.0) + least_bright_variance(
+        beyond
+    )
+    return n * np.log(left) - n_a * np.log(i_a) - n_b * np.log(i_b), level
 
 
 @njit(cache=True, nogil=True)
@@ -177,30 +235,18 @@ def split_in(
     out[:] = 0.0
     gains[:] = 0.0
     far = sums[FAR_BIN]
-    n, r, i, _, mean = _spread_of(far, sums[N_PROFILE_BINS], 0.0)
+    n, r, _, _, _ = _spread_of(far, sums[N_PROFILE_BINS], 0.0)
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    mv = (sums[N_PROFILE_BINS, BIN_V] - far[BIN_V]) / n
-    vi = (sums[N_PROFILE_BINS, BIN_VI] - far[BIN_VI]) / n - mv * mean
-    vv = (sums[N_PROFILE_BINS, BIN_VV] - far[BIN_VV]) / n - mv * mv + LEAST_VV
-    i = max(i - vi * vi / vv, (LEAST_CONTRAST * mean) ** 2 + LEAST_BRIGHT_VARIANCE)
+    i, levels = sloping_variance(sums[N_PROFILE_BINS] - far), np.zeros(N_LEVELS)
     for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
         n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
         n_b, r_b, i_b, z_b, b_b = _spread_of(far, sums[k], v)
         if n_a == 0.0 or n_b == 0.0:
             continue
-        # One brightness there and another here, not a stripe of paint on one side
-        steady = by != BY_ROUGHNESS and is_steady(sums, k, 0.5 * (b_a + b_b), b_b > b_a)
-        if by == BY_BRIGHTNESS and (
-            not steady
-            or k < FAR_BIN + WIDE_BINS
-            or b_b <= b_a
-            or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
-        ):
-            continue
-        gain = 0.0
+        gain, contrast = 0.0, 1.0
         if by != BY_BRIGHTNESS:
             # A spread of few points is not well known; once an edge is found, that does not matter
             least = ROUGHER**2 * (1.0 + 2.0 / np.sqrt(n_b)) if stride > 1 else 1.0
@@ -209,13 +255,24 @@ def split_in(
             gain = n * np.log(r) - n_a * np.log(r_a) - n_b * np.log(r_b)
             if stride > 1 and gain < 0.5 * CLEAR_SPLIT:
                 continue
-        if steady:
-            gain += n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)
+            if by == BY_BOTH:
+                brighter, level = brightness_gain(sums, k, b_b, levels)
+                gain, contrast = gain + brighter, b_b / max(level, 1e-6)
+        # One brightness there and another here, not a stripe of paint on one side
+        elif (
+            k < FAR_BIN + WIDE_BINS
+            or b_b <= b_a
+            or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
+            or not is_steady(sums, k, 0.5 * (b_a + b_b), True)
+        ):
+            continue
+        else:
+            gain, contrast = n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b), b_b / max(b_a, 1e-6)
         gains[k] = gain
         if gain > out[EDGE_CLEAR]:
             out[EDGE_CLEAR], out[EDGE_V] = gain, v
             out[EDGE_SMOOTH], out[EDGE_ROUGH], out[EDGE_STEP] = np.sqrt(r_a), np.sqrt(r_b), z_b - z_a
-            out[EDGE_CONTRAST] = b_b / max(b_a, 1e-6) if steady else 1.0
+            out[EDGE_CONTRAST] = contrast
             out[EDGE_N_SMOOTH], out[EDGE_N_ROUGH] = n_a, n_b
 
 
