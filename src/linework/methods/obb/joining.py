@@ -189,8 +189,11 @@ def face_the_road(now: Joining) -> Joining:
 def find_paint(now: Joining) -> Joining:
     """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
     kerbs, config = axes_of_lines(now.kerbs), now.config
+    # A stripe that reaches behind the foot lies on gutter and kerb stone, however far in front its middle is
     on_stone = {
-        form: beside_kerb(now.boxes[form], kerbs, -KERB_STONE_M, ON_FOOT_M)
+        form: beside_kerb(
+            now.boxes[form], kerbs, -KERB_STONE_M, np.maximum(ON_FOOT_M, now.boxes[form].half_v_m - ON_FOOT_M)
+        )
         for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
     }
     stripes, blobs = (now.boxes[form].take(~yes) for form, yes in on_stone.items())

@@ -61,19 +61,25 @@ _HALF_WAY = (0.6, 1.67)
 _EDGE_SHARE = 0.8
 
 
-def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: float) -> BoolArray:
-    """Return which boxes lie beside a kerb, (n,) bool: between two offsets [m] from its foot, positive on the road."""
+def beside_kerb(
+    boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: float | FloatArray
+) -> BoolArray:
+    """Return which boxes lie beside a kerb, (n,) bool: between two offsets [m] from its foot, positive on the road.
+
+    to_m: of all boxes, or (n,) of each.
+    """
     out = np.zeros(len(boxes), dtype=np.bool_)
     if not kerbs or len(boxes) == 0:
         return out
     xy = np.concatenate([c.xy for c in kerbs])
     normal = np.concatenate([c.normal for c in kerbs])
-    reach = float(np.hypot(max(abs(from_m), abs(to_m)), _BESIDE_STATIONS * AXIS_STATION_M))
+    to_m = np.broadcast_to(to_m, len(boxes))
+    reach = float(np.hypot(max(abs(from_m), np.abs(to_m).max()), _BESIDE_STATIONS * AXIS_STATION_M))
     distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=reach)
     near = np.isfinite(distance)
     step = boxes.centre[near, :2] - xy[nearest[near]]
     across = np.sum(step * normal[nearest[near]], axis=1)
-    out[near] = (across > from_m) & (across < to_m)
+    out[near] = (across > from_m) & (across < to_m[near])
     return out
 
 
