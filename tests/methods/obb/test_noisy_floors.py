@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import linework
+from linework.kernels.cells.places import MOST_MORE_POINTS, SMOOTH_FLOOR_M, points_in_noise
 from linework.model.points import Points
 
 HALF_M, LENGTH_M = 4.0, 40.0
@@ -36,10 +37,12 @@ def found_m(points: Points) -> tuple[float, float]:
 
 @pytest.mark.filterwarnings("ignore:.*not taken for road:linework.errors.LineworkWarning")
 @pytest.mark.parametrize(
-    ("kerb_m", "grass_m", "share"), [(0.12, 0.0, 0.7), (0.0, 0.08, 0.9)], ids=["kerb of 12 cm", "grass"]
+    ("kerb_m", "grass_m", "noise_m", "share"),
+    [(0.12, 0.0, 0.04, 0.7), (0.0, 0.08, 0.04, 0.9), (0.04, 0.0, 0.02, 0.9)],
+    ids=["kerb of 12 cm", "grass", "kerb twice as high as the noise"],
 )
-def test_edges_are_found_where_all_floors_are_noisy(kerb_m, grass_m, share):
-    right, wrong = found_m(noisy_road(9881, kerb_m=kerb_m, grass_m=grass_m))
+def test_edges_are_found_where_all_floors_are_noisy(kerb_m, grass_m, noise_m, share):
+    right, wrong = found_m(noisy_road(9881, kerb_m=kerb_m, grass_m=grass_m, noise_m=noise_m))
     assert right >= share * 2.0 * LENGTH_M
     assert wrong <= 2.0
 
@@ -53,3 +56,9 @@ def test_a_noisy_ground_without_edges_has_none():
         crs="EPSG:25832",
     )
     assert found_m(flat) == (0.0, 0.0)
+
+
+def test_points_used_grow_with_the_variance_of_the_noise():
+    assert points_in_noise(0.5 * SMOOTH_FLOOR_M, 300) == 300
+    assert points_in_noise(2.0 * SMOOTH_FLOOR_M, 300) == 1200
+    assert points_in_noise(20.0 * SMOOTH_FLOOR_M, 300) == 300 * MOST_MORE_POINTS

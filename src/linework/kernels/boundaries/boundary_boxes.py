@@ -26,6 +26,7 @@ from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, BY_ROUGHNESS
 from linework.kernels.boundaries.profiles import (
     CLIP_M,
+    ENOUGH_POINTS,
     MOST_PLACE_POINTS,
     N_PROFILE_BINS,
     PLACE_COLUMNS,
@@ -37,6 +38,7 @@ from linework.kernels.boundaries.profiles import (
 )
 from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.cells.places import (
+    AREA_POINTS,
     BOX_ALL_ROAD,
     BOX_CONTRAST,
     BOX_END,
@@ -49,10 +51,12 @@ from linework.kernels.cells.places import (
     COLUMNS,
     EDGE,
     FORM,
+    MOST_MORE_POINTS,
     SCORE,
     START,
     floor_near,
     gather_area,
+    points_in_noise,
     roughness_limit,
     slope_at,
 )
@@ -133,7 +137,8 @@ def box_in_cell(
     plane, noise = floor.plane, floor.noise
     why, is_shadow = BOX_ALL_ROAD, False
     if may_be_kerb(floor, (slopes, rise), limits):
-        area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work)
+        most = points_in_noise(floor.usual, ENOUGH_POINTS)
+        area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work, AREA_POINTS, most)
         why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, scratch, box)
         # Beyond a kerb's shadow the floor begins anew: that is no edge of it
         is_shadow = begins_beyond_shadow(scratch.step, limits)
@@ -189,7 +194,7 @@ def channel_box_in_cell(
 def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
     return PlaceScratch(
-        np.empty((max(MOST_PLACE_POINTS, MOST_CHANNEL_POINTS) + 2, PLACE_COLUMNS)),
+        np.empty((max(MOST_MORE_POINTS * MOST_PLACE_POINTS, MOST_CHANNEL_POINTS) + 2, PLACE_COLUMNS)),
         np.empty((N_PROFILE_BINS + 1, PROFILE_SUMS)),
         np.empty(STEP_COLUMNS),
     )

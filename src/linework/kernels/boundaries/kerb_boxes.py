@@ -103,14 +103,15 @@ from linework.kernels.cells.places import (
     SCORE,
     TOP_V,
     chord_in_cell,
+    is_rougher,
+    own_roughness,
+    points_in_noise,
     roughness_limit,
 )
 from linework.kernels.cells.surroundings import FIELD_HEIGHT, RISE, SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE
 
-#: Smallest height of a kerb over the noise of its floor: grass stays below it.
+#: Smallest height of a kerb over the roughness of its floor, without the scanner's noise: grass stays below it.
 LEAST_CLEAR_KERB = 1.5
-#: Grass and soil are rougher than stone by this, in quadrature. [m]
-GRASS_M = 0.008
 #: Smallest share of the variance of the cells' heights that a slope explains: three quarters across a step in the
 #: middle, a third of that off the middle and in noise, a tenth by chance.
 KERB_EXPLAINED = 0.25
@@ -122,7 +123,8 @@ N_DIRECTIONS = 8
 LONGEST_HALF_M = 3.0
 #: Smallest step of the profile over the least height of a kerb: a profile smears it.
 PROFILE_SHARE = 0.7
-#: Smallest height of a kerb over the noise of its top, where that is stone and where it is grass, and over the sigma
+#: Smallest height of a kerb over the roughness of its top, where that is stone (without the scanner's noise, which only
+#: counts in the sigma of the height) and where it is grass, and over the sigma
 #: of its height.
 STONE_CLEAR, GRASS_CLEAR, HEIGHT_SIGMAS = 2.0, 4.0, 4.0
 #: The road's slope is known from cells on both sides, 3 m apart, and holds this share of the step (1 / 3).
@@ -142,7 +144,7 @@ def may_be_kerb(floor: LocalFloor, around: tuple[FloatArray, float], limits: Flo
     slopes, rise = around
     size = np.hypot(slopes[FIELD_HEIGHT, SLOPE_EAST], slopes[FIELD_HEIGHT, SLOPE_NORTH])
     # Half of the step's slope, where it is off the middle of the disc
-    least = 0.5 * max(limits.least_step, LEAST_CLEAR_KERB * floor.noise)
+    least = 0.5 * max(limits.least_step, LEAST_CLEAR_KERB * own_roughness(floor.noise, floor.usual))
     steady = size * AREA_M >= STEP_SLOPE_SHARE * least and slopes[FIELD_HEIGHT, SLOPE_SHARE] >= KERB_EXPLAINED
     return bool(rise >= least and (rise >= CLIP_M or steady))
 
@@ -182,28 +184,19 @@ def kerb_in_cell(
     usual_m = half_u = HALF_LENGTH_M * scale
     why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
-    is_again = data.near_road[box_cell_at(data.span, x, y)] and not _rougher_than_usual(
-        floor.noise, floor.usual
-    )
+    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
+    is_again = data.near_road[box_cell_at(data.span, x, y)] and not is_rougher(floor.noise, floor.usual)
     while is_again and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
         half_u *= 2.0
         radius = np.hypot(half_u, AREA_M * scale)
-        if count_near(data.starts, data.span, place, radius) > MOST_PLACE_POINTS:
+        if count_near(data.starts, data.span, place, radius) > most:
             break
-        n = gather_at(
-            data.points, data.starts, data.span, place, radius, floor.plane, MOST_PLACE_POINTS, scratch.work
-        )
+        n = gather_at(data.points, data.starts, data.span, place, radius, floor.plane, most, scratch.work)
         why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # The windows of neighbouring boxes overlap the more, the longer they are: they err alike
     longer = np.sqrt(half_u / usual_m)
     box[S_V], box[S_Z] = longer * box[S_V], longer * box[S_Z]
     return why
-
-
-@njit(cache=True, nogil=True)
-def _rougher_than_usual(noise: float, usual: float) -> bool:
-    """Return whether a floor is rougher than the smoothest around [m] by what grass and soil are."""
-    return bool(noise**2 - usual**2 > GRASS_M**2)
 
 
 @njit(cache=True, nogil=True)
@@ -264,13 +257,12 @@ def kerb_in_window(
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
     plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     radius = np.hypot(half_u, AREA_M * scale) if is_long else AGAIN_M * scale
-    n = gather_at(
-        data.points, data.starts, data.span, (x + mx, y + my), radius, plane, MOST_PLACE_POINTS, work
-    )
+    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
+    n = gather_at(data.points, data.starts, data.span, (x + mx, y + my), radius, plane, most, work)
     if not measure_seen_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
-    if is_long and _rougher_than_usual(step[STEP_NOISE], floor.usual):
+    if is_long and is_rougher(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
     if is_long and not rises_throughout(work, n, step, scale, half_u):
         return BOX_ELSEWHERE
@@ -328,7 +320,7 @@ def begins_beyond_shadow(step: FloatArray, limits: FloorLimits) -> bool:
 @njit(cache=True, nogil=True)
 def _is_verge(step: FloatArray) -> bool:
     """Return whether the lower side of a measured step (19,) is as much rougher than the upper as grass is."""
-    return bool(step[STEP_NOISE] ** 2 - step[STEP_NOISE_TOP] ** 2 > GRASS_M**2)
+    return is_rougher(step[STEP_NOISE], step[STEP_NOISE_TOP])
 
 
 @njit(cache=True, nogil=True)
@@ -375,10 +367,11 @@ def is_kerb(
     tilt_y = plane[PLANE_NORTH] + step[STEP_FLOOR_C] * vy - step[STEP_FLOOR_B] * vx - floor.north
     level = np.hypot(tilt_x, tilt_y) <= limits.steepest + h / STEP_IN_SLOPE
     # The grass of a verge is as high as it is rough; behind a kerb it is allowed, if the kerb stands out of it
-    grass = step[STEP_NOISE_TOP] ** 2 - step[STEP_NOISE] ** 2 > GRASS_M**2
+    grass = is_rougher(step[STEP_NOISE_TOP], step[STEP_NOISE])
+    stone = STONE_CLEAR * own_roughness(step[STEP_NOISE_TOP], floor.usual)
     least = max(
-        LEAST_CLEAR_KERB * step[STEP_NOISE],
-        (GRASS_CLEAR if grass else STONE_CLEAR) * step[STEP_NOISE_TOP],
+        LEAST_CLEAR_KERB * own_roughness(step[STEP_NOISE], floor.usual),
+        GRASS_CLEAR * step[STEP_NOISE_TOP] if grass else stone,
         HEIGHT_SIGMAS * step[STEP_SIGMA_H],
     )
     high = limits.least_step <= h <= limits.highest_step and h >= least

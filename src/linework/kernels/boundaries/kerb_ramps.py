@@ -13,7 +13,6 @@ from numba import njit
 
 from linework.arrays import FloatArray
 from linework.kernels.boundaries.kerb_boxes import (
-    GRASS_M,
     LONGEST_HALF_M,
     PROFILE_SHARE,
     box_cell_at,
@@ -92,6 +91,8 @@ from linework.kernels.cells.places import (
     S_V,
     S_Z,
     chord_in_cell,
+    is_rougher,
+    points_in_noise,
 )
 from linework.kernels.cells.surroundings import FIELD_HEIGHT, SLOPE_EAST, SLOPE_NORTH
 
@@ -152,9 +153,10 @@ def ramp_in_cell(
         return why
     frame = -east / size, -north / size
     usual_m = half_u = HALF_LENGTH_M * scale
+    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
     while half_u <= max(usual_m, LONGEST_HALF_M):
         radius = np.hypot(half_u, AREA_M * scale)
-        if half_u > usual_m and count_near(data.starts, data.span, place, radius) > MOST_PLACE_POINTS:
+        if half_u > usual_m and count_near(data.starts, data.span, place, radius) > most:
             break
         why = _ramp_over(data, place, floor, frame, (scale, half_u, radius), limits, scratch, box)
         if why == BOX_FOUND:
@@ -183,9 +185,8 @@ def ramp_instead(
     half_u = HALF_LENGTH_M * scale
     radius = np.hypot(half_u, AREA_M * scale)
     frame = -box[BOX_UY], box[BOX_UX]
-    n = gather_at(
-        data.points, data.starts, data.span, place, AREA_M * scale, floor.plane, ENOUGH_POINTS, scratch.work
-    )
+    most = points_in_noise(floor.usual, ENOUGH_POINTS)
+    n = gather_at(data.points, data.starts, data.span, place, AREA_M * scale, floor.plane, most, scratch.work)
     step = PROFILE_BIN_M * scale
     # In the step's own direction, for in another one a step is a ramp; with its foot before that of the step
     bin_sums_across(scratch.work, n, frame[0], frame[1], half_u, step, scratch.sums, False)
@@ -220,8 +221,10 @@ def _ramp_over(
     work, sums, step = scratch
     scale, half_u, radius = window
     x, y = place
-    most = ENOUGH_POINTS if half_u <= HALF_LENGTH_M * scale else MOST_PLACE_POINTS
-    n = gather_at(data.points, data.starts, data.span, place, radius, floor.plane, most, work)
+    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
+    usual = points_in_noise(floor.usual, ENOUGH_POINTS)
+    wanted = usual if half_u <= HALF_LENGTH_M * scale else most
+    n = gather_at(data.points, data.starts, data.span, place, radius, floor.plane, wanted, work)
     first, share, plane = np.zeros(RAMP_COLUMNS), np.zeros(COVER_COLUMNS), floor.plane.copy()
     if not best_ramp(work, n, frame, scale, half_u, sums, first):
         return BOX_ALL_ROAD
@@ -234,12 +237,12 @@ def _ramp_over(
     mx, my = v * vx + middle * vy, v * vy - middle * vx
     plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     again = (x + mx, y + my)
-    n = gather_at(data.points, data.starts, data.span, again, radius, plane, MOST_PLACE_POINTS, work)
+    n = gather_at(data.points, data.starts, data.span, again, radius, plane, most, work)
     first[RAMP_FOOT], first[RAMP_TOP] = 0.0, first[RAMP_TOP] - first[RAMP_FOOT]
     if not measure_ramp(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # The ground rises like this in places: the floor must be pavement, and the rise must go on
-    if step[STEP_NOISE] ** 2 - floor.usual**2 > GRASS_M**2:
+    if is_rougher(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
     if not rises_throughout(work, n, step, scale, half_u):
         return BOX_NO_ROAD
@@ -392,7 +395,7 @@ def measure_ramp(
             length = np.sqrt(1.0 + beta * beta)
             vx, vy = (vx - beta * vy) / length, (vy + beta * vx) / length
     h = a2 + c2 * top - a - c * foot
-    if h < SMALLEST_STEP_M or noise3**2 - noise**2 > GRASS_M**2:
+    if h < SMALLEST_STEP_M or is_rougher(noise3, noise):
         return False
     write_step(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
     at_ends = np.sqrt(END_VARIANCE * (noise**2 / n_floor + noise3**2 / n_ramp)) / (c - c3)

@@ -47,6 +47,11 @@ LEAST_CLEAR_STEP = 1.5
 #: that any floor may have: fresh asphalt under a fair scanner [m].
 ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
 
+#: Most points of a place over the usual number: dense surveys have no more of them there, and time goes with them.
+MOST_MORE_POINTS = 8
+#: Grass and soil are rougher than stone by this, in quadrature. [m]
+GRASS_M = 0.008
+
 #: Result of the search at a place: a box, or why there is none.
 BOX_FOUND, BOX_HOLE, BOX_NO_ROAD, BOX_ALL_ROAD, BOX_ELSEWHERE = 0, 1, 2, 3, 4
 #: Half width of a facet, over which a tilt against the road counts like its rms distance. [m]
@@ -116,6 +121,27 @@ def roughness_limit(usual: float, most_noise: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def points_in_noise(usual: float, most: int) -> int:
+    """Return how many points of a place are used: `most` where the smoothest floors are as even as `SMOOTH_FLOOR_M`.
+
+    A step shows as clearly under more noise where the points grow with its variance, `usual` squared [m2].
+    """
+    return int(most * min(max((usual / SMOOTH_FLOOR_M) ** 2, 1.0), MOST_MORE_POINTS))
+
+
+@njit(cache=True, nogil=True)
+def is_rougher(rough: float, smooth: float) -> bool:
+    """Return whether one surface is rougher than another [m] by what grass and soil are."""
+    return bool(rough**2 - smooth**2 > GRASS_M**2)
+
+
+@njit(cache=True, nogil=True)
+def own_roughness(noise: float, usual: float) -> float:
+    """Return the roughness of a surface without the scanner's noise, that of the smoothest floors around it [m]."""
+    return float(np.sqrt(max(noise**2 - usual**2, 0.0)))
+
+
+@njit(cache=True, nogil=True)
 def gather_area(
     points: FloatArray,
     starts: IntArray,
@@ -124,8 +150,9 @@ def gather_area(
     plane: FloatArray,
     work: FloatArray,
     wanted: int = AREA_POINTS,
+    most: int = ENOUGH_POINTS,
 ) -> tuple[int, float]:
-    """Collect the points of the search area about a place, wider where they are fewer than `wanted`.
+    """Collect the points of the search area about a place, wider where they are fewer than `wanted`; of more than `most`, some.
 
     Parameters
     ----------
@@ -147,7 +174,7 @@ def gather_area(
         scale = SCALES[k]
         if k == len(SCALES) - 1 or count_near(starts, span, place, AREA_M * scale) >= wanted:
             break
-    return gather_at(points, starts, span, place, AREA_M * scale, plane, ENOUGH_POINTS, work), scale
+    return gather_at(points, starts, span, place, AREA_M * scale, plane, most, work), scale
 
 
 @njit(cache=True, nogil=True)
