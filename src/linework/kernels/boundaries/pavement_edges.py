@@ -91,13 +91,13 @@ N_LAST = 4
 
 
 @njit(cache=True, nogil=True)
-def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, float, float, float]:
-    """Return points, variances of height and brightness, height at `v` and mean brightness of the bins from a to b."""
-    n, left, z, _ = line_through(a, b, v)
+def _spread_of(sums: FloatArray, a: int, b: int, v: float) -> tuple[float, float, float, float, float]:
+    """Return points, variances of height and brightness, height at `v` and mean brightness of the bins a to b - 1."""
+    n, left, z, _ = line_through(sums, a, b, v)
     if n < SIDE_POINTS:
         return 0.0, 1.0, 1.0, 0.0, 0.0
-    bright = (b[BIN_I] - a[BIN_I]) / n
-    square = max((b[BIN_II] - a[BIN_II]) / n - bright * bright, 0.0)
+    bright = (sums[b, BIN_I] - sums[a, BIN_I]) / n
+    square = max((sums[b, BIN_II] - sums[a, BIN_II]) / n - bright * bright, 0.0)
     return (
         n,
         left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2,
@@ -137,8 +137,8 @@ def strip_beyond(
         x = edge[EDGE_VX] * np.cos(turn) - edge[EDGE_VY] * np.sin(turn)
         y = edge[EDGE_VX] * np.sin(turn) + edge[EDGE_VY] * np.cos(turn)
         bin_sums_across(work, n, x, y, half_u, step, sums)
-        n_a, _, _, _, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
-        n_b, _, i_b, _, b_b = _spread_of(sums[FAR_BIN], sums[k], v)
+        n_a, _, _, _, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
+        n_b, _, i_b, _, b_b = _spread_of(sums, FAR_BIN, k, v)
         if n_a == 0.0 or n_b == 0.0 or b_b <= b_a:
             continue
         level, is_paint = 0.5 * (b_a + b_b), False
@@ -176,19 +176,18 @@ def split_in(
     """
     out[:] = 0.0
     gains[:] = 0.0
-    far = sums[FAR_BIN]
-    n, r, i, _, mean = _spread_of(far, sums[N_PROFILE_BINS], 0.0)
+    n, r, i, _, mean = _spread_of(sums, FAR_BIN, N_PROFILE_BINS, 0.0)
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    mv = (sums[N_PROFILE_BINS, BIN_V] - far[BIN_V]) / n
-    vi = (sums[N_PROFILE_BINS, BIN_VI] - far[BIN_VI]) / n - mv * mean
-    vv = (sums[N_PROFILE_BINS, BIN_VV] - far[BIN_VV]) / n - mv * mv + LEAST_VV
+    mv = (sums[N_PROFILE_BINS, BIN_V] - sums[FAR_BIN, BIN_V]) / n
+    vi = (sums[N_PROFILE_BINS, BIN_VI] - sums[FAR_BIN, BIN_VI]) / n - mv * mean
+    vv = (sums[N_PROFILE_BINS, BIN_VV] - sums[FAR_BIN, BIN_VV]) / n - mv * mv + LEAST_VV
     i = max(i - vi * vi / vv, (LEAST_CONTRAST * mean) ** 2 + LEAST_BRIGHT_VARIANCE)
     for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
-        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
-        n_b, r_b, i_b, z_b, b_b = _spread_of(far, sums[k], v)
+        n_a, r_a, i_a, z_a, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
+        n_b, r_b, i_b, z_b, b_b = _spread_of(sums, FAR_BIN, k, v)
         if n_a == 0.0 or n_b == 0.0:
             continue
         # One brightness there and another here, not a stripe of paint on one side
