@@ -246,7 +246,8 @@ def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
             s[:] = 0.0
             for i in range(max(r - ring, 0), min(r + ring + 2, n_rows)):
                 for j in range(max(c - ring, 0), min(c + ring + 2, n_cols)):
-                    add_shifted(s, sums, i * n_cols + j, (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
+                    if sums[i * n_cols + j, SUM_N] > 0.0:
+                        add_shifted(s, sums, i * n_cols + j, (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
             if s[SUM_N] >= FACET_POINTS:
                 break
         if s[SUM_N] >= FACET_POINTS:
@@ -281,10 +282,11 @@ def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
 
 @njit(cache=True, nogil=True)
 def add_shifted(s: FloatArray, sums: FloatArray, at: int, dx: float, dy: float) -> None:
-    """Add to sums `s` those of cell `at` of `sums` (cells, 11), taken about a centre at (dx, dy) [m]."""
+    """Add to sums `s` those of cell `at` of `sums` (cells, 11), which has points, taken about a centre at (dx, dy) [m].
+
+    Without branches of its own: with one, its arrays are counted as used and unused again, which takes longer than the sums.
+    """
     n = sums[at, SUM_N]
-    if n == 0.0:
-        return
     s[SUM_N] += n
     s[SUM_X] += sums[at, SUM_X] + n * dx
     s[SUM_Y] += sums[at, SUM_Y] + n * dy
