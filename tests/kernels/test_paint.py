@@ -38,7 +38,7 @@ def test_selection_is_that_of_a_sort(rng: np.random.Generator) -> None:
     for n in (1, 2, 7, 60):
         values = rng.integers(0, 20, n).astype(np.float64)
         for k in range(n):
-            assert smallest(values.copy(), k) == np.sort(values)[k]
+            assert smallest(values.copy(), k, len(values)) == np.sort(values)[k]
 
 
 def test_the_dark_level_does_not_see_the_bright_half(rng: np.random.Generator) -> None:

@@ -113,17 +113,16 @@ def rise_around(data: FloorCells, place: tuple[float, float], most_noise: float)
     r = int(np.floor(place[1] / BOX_CELL_M)) - span[SPAN_SOUTH] // 2
     if r < 1 or c < 1 or r + 1 >= n_rows or c + 1 >= n_cols:
         return 0.0, 0.0
-    middle = facets[r * n_cols + c]
+    middle = r * n_cols + c
     most, x, y = 0.0, 0.0, 0.0
     for dx, dy in _SIDES:
-        a, b = facets[(r + dy) * n_cols + c + dx], facets[(r - dy) * n_cols + c - dx]
-        if min(middle[FACET_N], a[FACET_N], b[FACET_N]) == 0.0:
+        a, b = (r + dy) * n_cols + c + dx, (r - dy) * n_cols + c - dx
+        if min(facets[middle, FACET_N], facets[a, FACET_N], facets[b, FACET_N]) == 0.0:
             return 0.0, 0.0
-        if max(middle[FACET_RMS], a[FACET_RMS], b[FACET_RMS]) > most_noise:
+        if max(facets[middle, FACET_RMS], facets[a, FACET_RMS], facets[b, FACET_RMS]) > most_noise:
             return 0.0, 0.0
-        rise = (a[FACET_HEIGHT] + b[FACET_HEIGHT] - 2.0 * middle[FACET_HEIGHT]) / (
-            BOX_CELL_M * np.hypot(dx, dy)
-        )
+        height = facets[a, FACET_HEIGHT] + facets[b, FACET_HEIGHT] - 2.0 * facets[middle, FACET_HEIGHT]
+        rise = height / (BOX_CELL_M * np.hypot(dx, dy))
         most = max(most, rise)
         # Opposite sides count as one: the mean over doubled angles
         square = dx * dx + dy * dy
@@ -140,17 +139,17 @@ def bow_left(sums: FloatArray, first: int, last: int) -> float:
 
     sums: (73, 9), see `linework.kernels.boundaries.profiles.bin_sums_across`.
     """
-    a, b = sums[first], sums[last]
-    n, flat, _, _ = line_through(a, b, 0.0)
+    n, flat, _, _ = line_through(sums, first, last, 0.0)
     if n == 0.0:
         return 0.0
-    mv, mr, mq = (b[BIN_V] - a[BIN_V]) / n, (b[BIN_R] - a[BIN_R]) / n, (b[BIN_VV] - a[BIN_VV]) / n
+    mv, mr = (sums[last, BIN_V] - sums[first, BIN_V]) / n, (sums[last, BIN_R] - sums[first, BIN_R]) / n
+    mq = (sums[last, BIN_VV] - sums[first, BIN_VV]) / n
     vv, vq, qq, vr, qr = LEAST_VV, 0.0, LEAST_VV, 0.0, 0.0
     for i in range(first, last):
-        s, t = sums[i], sums[i + 1]
-        m = t[BIN_N] - s[BIN_N]
+        m = sums[i + 1, BIN_N] - sums[i, BIN_N]
         if m > 0.0:
-            v, r = (t[BIN_V] - s[BIN_V]) / m, (t[BIN_R] - s[BIN_R]) / m - mr
+            v = (sums[i + 1, BIN_V] - sums[i, BIN_V]) / m
+            r = (sums[i + 1, BIN_R] - sums[i, BIN_R]) / m - mr
             q, v = v * v - mq, v - mv
             vv, vq, qq = vv + m * v * v, vq + m * v * q, qq + m * q * q
             vr, qr = vr + m * v * r, qr + m * q * r
@@ -164,10 +163,9 @@ def channel_gain(sums: FloatArray, k: int) -> tuple[float, float, float, float]:
     The gain is 0 where the slopes do not make a channel. sums: as for `bow_left`, in bins of `CHANNEL_BIN_M`.
     """
     first, last = k - FLANK_OF_CHANNEL, k + FLANK_OF_CHANNEL
-    a, m, b = sums[first], sums[k], sums[last]
     v = (k - 0.5 * N_PROFILE_BINS) * CHANNEL_BIN_M
-    n_a, left_a, z_a, slope_a = line_through(a, m, v)
-    n_b, left_b, z_b, slope_b = line_through(m, b, v)
+    n_a, left_a, z_a, slope_a = line_through(sums, first, k, v)
+    n_b, left_b, z_b, slope_b = line_through(sums, k, last, v)
     n, z = n_a + n_b, 0.5 * (z_a + z_b)
     if min(n_a, n_b) < CHANGE_SIDE_POINTS:
         return 0.0, z, n, 0.0
@@ -180,12 +178,15 @@ def channel_gain(sums: FloatArray, k: int) -> tuple[float, float, float, float]:
     area = (last - first) * CHANNEL_BIN_M * 2.0 * CHANNEL_HALF_M
     independent = min(n, HEIGHTS_PER_M2 * area)
     price = np.log(independent)
-    hinge = hinge_left(a, m, b, v) / n + floor
-    _, flat, _, _ = line_through(a, b, v)
-    rival = min(
-        flat / n + floor, (bow_left(sums, first, last) / n + floor) * np.exp(2.0 * price / independent)
-    )
-    return float(0.5 * independent * np.log(rival / hinge) - price), z, n, float(hinge)
+    hinge = hinge_left(sums, first, k, last, v) / n + floor
+    _, flat, _, _ = line_through(sums, first, last, v)
+    rival = flat / n + floor
+    # A bow takes three times as long as all else, and most hinges are no better than one slope already
+    if 0.5 * independent * np.log(rival / hinge) > price:
+        bow = (bow_left(sums, first, last) / n + floor) * np.exp(2.0 * price / independent)
+        rival = min(rival, bow)
+    gain = max(0.5 * independent * np.log(rival / hinge) - price, 0.0)
+    return float(gain), z, n, float(hinge)
 
 
 @njit(cache=True, nogil=True)
@@ -195,12 +196,11 @@ def left_by_step(sums: FloatArray) -> float:
     sums: as for `channel_gain`. Beside a low kerb there is no channel.
     """
     first, last = N_PROFILE_BINS // 2 - FLANK_OF_CHANNEL, N_PROFILE_BINS // 2 + FLANK_OF_CHANNEL
-    a, b = sums[first], sums[last]
     least = np.inf
     for j in range(first + LEAST_STEP_BINS, last - LEAST_STEP_BINS + 1):
         v = (j - 0.5 * N_PROFILE_BINS) * CHANNEL_BIN_M
-        n_a, left_a, z_a, _ = line_through(a, sums[j], v)
-        n_b, left_b, z_b, _ = line_through(sums[j], b, v)
+        n_a, left_a, z_a, _ = line_through(sums, first, j, v)
+        n_b, left_b, z_b, _ = line_through(sums, j, last, v)
         if min(n_a, n_b) >= CHANGE_SIDE_POINTS and abs(z_a - z_b) >= LEAST_CHANGE_M:
             least = min(least, (left_a + left_b) / (n_a + n_b))
     return least + LEAST_FLOOR_NOISE_M**2

@@ -122,7 +122,8 @@ def _cells_beside(
             for i in range(2):
                 for j in range(2):
                     at = (2 * r + i) * span[SPAN_COLS] + 2 * c + j
-                    add_shifted(s, sums[at], (j - 0.5) * FINE_M, (i - 0.5) * FINE_M)
+                    if sums[at, SUM_N] > 0.0:
+                        add_shifted(s, sums, at, (j - 0.5) * FINE_M, (i - 0.5) * FINE_M)
             if s[SUM_N] < _LEAST_POINTS:
                 continue
             mx, my, cell = s[SUM_X] / s[SUM_N], s[SUM_Y] / s[SUM_N], cells[n]

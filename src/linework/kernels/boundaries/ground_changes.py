@@ -76,36 +76,42 @@ CHANGE_SOUGHT_M, AGAIN_REACH_M = 0.40, 0.20
 
 
 @njit(cache=True, nogil=True)
-def _mean_and_left(a: FloatArray, b: FloatArray) -> tuple[float, float]:
-    """Return mean and residual sum of squares of the brightness of the bins from running sums a to b."""
-    n = b[BIN_N] - a[BIN_N]
-    mean = (b[BIN_I] - a[BIN_I]) / n
-    return mean, max(b[BIN_II] - a[BIN_II] - n * mean * mean, 0.0)
+def _mean_and_left(sums: FloatArray, a: int, b: int) -> tuple[float, float]:
+    """Return mean and residual sum of squares of the brightness of the bins a to b - 1."""
+    n = sums[b, BIN_N] - sums[a, BIN_N]
+    mean = (sums[b, BIN_I] - sums[a, BIN_I]) / n
+    return mean, max(sums[b, BIN_II] - sums[a, BIN_II] - n * mean * mean, 0.0)
 
 
 @njit(cache=True, nogil=True)
-def bright_line_left(a: FloatArray, b: FloatArray) -> float:
-    """Return the residual sum of squares of a straight line through the brightness of the bins from a to b."""
-    n = b[BIN_N] - a[BIN_N]
-    mean, left = _mean_and_left(a, b)
-    mv = (b[BIN_V] - a[BIN_V]) / n
-    vv = (b[BIN_VV] - a[BIN_VV]) - n * mv * mv + LEAST_VV
-    vi = (b[BIN_VI] - a[BIN_VI]) - n * mv * mean
+def bright_line_left(sums: FloatArray, a: int, b: int) -> float:
+    """Return the residual sum of squares of a straight line through the brightness of the bins a to b - 1.
+
+    sums: (73, 9), see `linework.kernels.boundaries.profiles.bin_sums_across`.
+    """
+    n = sums[b, BIN_N] - sums[a, BIN_N]
+    mean, left = _mean_and_left(sums, a, b)
+    mv = (sums[b, BIN_V] - sums[a, BIN_V]) / n
+    vv = (sums[b, BIN_VV] - sums[a, BIN_VV]) - n * mv * mv + LEAST_VV
+    vi = (sums[b, BIN_VI] - sums[a, BIN_VI]) - n * mv * mean
     return float(max(left - vi * vi / vv, 0.0))
 
 
 @njit(cache=True, nogil=True)
-def hinge_left(a: FloatArray, k: FloatArray, b: FloatArray, v: float) -> float:
-    """Return the residual sum of squares of heights about two slopes that meet at v [m], over the bins a to b."""
-    n = b[BIN_N] - a[BIN_N]
-    z, rr = b[BIN_R] - a[BIN_R], b[BIN_RR] - a[BIN_RR]
+def hinge_left(sums: FloatArray, a: int, k: int, b: int, v: float) -> float:
+    """Return the residual sum of squares of heights about two slopes that meet at v [m], over the bins a to b - 1.
+
+    sums: (73, 9), see `linework.kernels.boundaries.profiles.bin_sums_across`; k: the first bin of the second slope.
+    """
+    n = sums[b, BIN_N] - sums[a, BIN_N]
+    z, rr = sums[b, BIN_R] - sums[a, BIN_R], sums[b, BIN_RR] - sums[a, BIN_RR]
     whole, height, left = n, z, rr
     for low, high in ((a, k), (k, b)):
-        m = high[BIN_N] - low[BIN_N]
-        s, q = high[BIN_V] - low[BIN_V], high[BIN_R] - low[BIN_R]
+        m = sums[high, BIN_N] - sums[low, BIN_N]
+        s, q = sums[high, BIN_V] - sums[low, BIN_V], sums[high, BIN_R] - sums[low, BIN_R]
         s1 = s - m * v
-        s2 = (high[BIN_VV] - low[BIN_VV]) - 2.0 * v * s + m * v * v + LEAST_VV
-        r1 = (high[BIN_VR] - low[BIN_VR]) - v * q
+        s2 = (sums[high, BIN_VV] - sums[low, BIN_VV]) - 2.0 * v * s + m * v * v + LEAST_VV
+        r1 = (sums[high, BIN_VR] - sums[low, BIN_VR]) - v * q
         whole -= s1 * s1 / s2
         height -= r1 * s1 / s2
         left -= r1 * r1 / s2
@@ -134,8 +140,7 @@ def gains_at(sums: FloatArray, k: int, step: float, out: FloatArray) -> float:
         (11,) output, columns `CHANGE_GAIN` to `CHANGE_POINTS`.
     """
     first, last = max(k - FLANK_BINS, 0), min(k + FLANK_BINS, N_PROFILE_BINS)
-    a, m, b = sums[first], sums[k], sums[last]
-    n_a, n_b = m[BIN_N] - a[BIN_N], b[BIN_N] - m[BIN_N]
+    n_a, n_b = sums[k, BIN_N] - sums[first, BIN_N], sums[last, BIN_N] - sums[k, BIN_N]
     n = n_a + n_b
     out[CHANGE_GAIN] = 0.0
     if n_a < CHANGE_SIDE_POINTS or n_b < CHANGE_SIDE_POINTS:
@@ -145,22 +150,24 @@ def gains_at(sums: FloatArray, k: int, step: float, out: FloatArray) -> float:
     share_of_heights = min(1.0, HEIGHTS_PER_M2 * area / n)
     v = (k - 0.5 * N_PROFILE_BINS) * step
     # Brightness: two levels against a slope
-    i_a, left_a = _mean_and_left(a, m)
-    i_b, left_b = _mean_and_left(m, b)
+    i_a, left_a = _mean_and_left(sums, first, k)
+    i_b, left_b = _mean_and_left(sums, k, last)
     floor = (LEAST_BRIGHT_SHARE * 0.5 * (i_a + i_b)) ** 2 + LEAST_LEVEL_VARIANCE
     bright, contrast = 0.0, i_a - i_b
     if contrast * contrast >= LEAST_CONTRAST_SPREADS**2 * ((left_a + left_b) / n + floor):
-        bright = share * _ratio(bright_line_left(a, b), left_a + left_b, floor, n) - np.log(n * share)
+        bright = share * _ratio(bright_line_left(sums, first, last), left_a + left_b, floor, n) - np.log(
+            n * share
+        )
     # Height: a step between two slopes, against a kink
-    _, r_a, z_a, _ = line_through(a, m, v)
-    _, r_b, z_b, _ = line_through(m, b, v)
+    _, r_a, z_a, _ = line_through(sums, first, k, v)
+    _, r_b, z_b, _ = line_through(sums, k, last, v)
     height, rise = 0.0, z_a - z_b
     if abs(rise) >= LEAST_CHANGE_M and step <= STEEP_BIN_M:
-        kink = hinge_left(a, m, b, v)
+        kink = hinge_left(sums, first, k, last, v)
         height = share_of_heights * _ratio(kink, r_a + r_b, LEAST_FLOOR_NOISE_M**2, n) - np.log(n * share)
     # Roughness: two variances against one
-    n_a, left_a, _, _ = line_through(a, sums[max(k - FACE_GAP_BINS, first)], v)
-    n_b, left_b, _, _ = line_through(sums[min(k + FACE_GAP_BINS, last)], b, v)
+    n_a, left_a, _, _ = line_through(sums, first, max(k - FACE_GAP_BINS, first), v)
+    n_b, left_b, _, _ = line_through(sums, min(k + FACE_GAP_BINS, last), last, v)
     rough, rougher = 0.0, 1.0
     if n_a >= CHANGE_SIDE_POINTS and n_b >= CHANGE_SIDE_POINTS:
         s_a, s_b = left_a / n_a + LEAST_FLOOR_NOISE_M**2, left_b / n_b + LEAST_FLOOR_NOISE_M**2
@@ -279,12 +286,11 @@ def gain_of_stripe(sums: FloatArray, k: int, step: float) -> float:
     sums, step: as for `gains_at`.
     """
     first, last = max(k - FLANK_BINS, 0), min(k + FLANK_BINS, N_PROFILE_BINS)
-    a, b = sums[first], sums[last]
-    n = b[BIN_N] - a[BIN_N]
+    n = sums[last, BIN_N] - sums[first, BIN_N]
     area = (last - first) * step * 2.0 * HALF_LENGTH_M * step / PROFILE_BIN_M
     share = min(1.0, SAMPLES_PER_M2 * area / max(n, 1.0))
-    line = bright_line_left(a, b)
-    mean, whole = _mean_and_left(a, b)
+    line = bright_line_left(sums, first, last)
+    mean, whole = _mean_and_left(sums, first, last)
     floor = (LEAST_BRIGHT_SHARE * mean) ** 2 + LEAST_LEVEL_VARIANCE
     best = line
     widest = max(int(WIDEST_STRIPE_M / step), NARROWEST_STRIPE_BINS)

@@ -313,8 +313,8 @@ def ramp_in(
     best, foot, top, below, above, noise = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(reach[0], reach[1] + 1, 2):
         v = (k - 0.5 * N_PROFILE_BINS) * step
-        last = sums[min(k + LOW_BINS, N_PROFILE_BINS)]
-        n_low, left_low, z_low, slope_low = line_through(sums[k], last, v)
+        last = min(k + LOW_BINS, N_PROFILE_BINS)
+        n_low, left_low, z_low, slope_low = line_through(sums, k, last, v)
         if n_low < PIECE_POINTS:
             continue
         for width in RAMP_BINS:
@@ -322,8 +322,8 @@ def ramp_in(
             if k_top < 1:
                 break
             v_top = v - width * step
-            start = sums[max(k_top - HIGH_BINS, 0)]
-            n_high, left_high, z_high, slope_high = line_through(start, sums[k_top], v_top)
+            start = max(k_top - HIGH_BINS, 0)
+            n_high, left_high, z_high, slope_high = line_through(sums, start, k_top, v_top)
             if n_high < PIECE_POINTS:
                 break
             slope = (z_low - z_high) / (v - v_top)
@@ -331,17 +331,17 @@ def ramp_in(
                 continue
             if slope < -steepest or abs(slope_high - slope_low) > STEEP_TOP:
                 continue
-            n = last[BIN_N] - start[BIN_N]
-            left = left_low + left_high + _left_of(sums[k_top], sums[k], z_low - slope * v, slope)
+            n = sums[last, BIN_N] - sums[start, BIN_N]
+            left = left_low + left_high + _left_of(sums, k_top, k, z_low - slope * v, slope)
             square = left / max(n - RAMP_UNKNOWNS, 1.0) + LEAST_FLOOR_NOISE_M**2
             cost = square * np.log(n)
-            other = line_through(start, last, v)[1] + LINE_UNKNOWNS * cost
+            other = line_through(sums, start, last, v)[1] + LINE_UNKNOWNS * cost
             if (other - left - RAMP_UNKNOWNS * cost) / square <= best:
                 continue
-            middle = sums[k - width // 2]
-            at_foot = line_through(start, sums[k], v)[1] + left_low
-            at_middle = line_through(start, middle, v)[1] + line_through(middle, last, v)[1]
-            at_top = left_high + line_through(sums[k_top], last, v)[1]
+            middle = k - width // 2
+            at_foot = line_through(sums, start, k, v)[1] + left_low
+            at_middle = line_through(sums, start, middle, v)[1] + line_through(sums, middle, last, v)[1]
+            at_top = left_high + line_through(sums, k_top, last, v)[1]
             other = min(other, min(at_foot, at_middle, at_top) + BREAK_UNKNOWNS * cost)
             clear = (other - left - RAMP_UNKNOWNS * cost) / square
             if clear > best:
@@ -350,10 +350,15 @@ def ramp_in(
 
 
 @njit(cache=True, nogil=True)
-def _left_of(a: FloatArray, b: FloatArray, height: float, slope: float) -> float:
-    """Return the residual sum of squares of the bins from `a` to `b` about the line height + slope v."""
-    n, v, r = b[BIN_N] - a[BIN_N], b[BIN_V] - a[BIN_V], b[BIN_R] - a[BIN_R]
-    vv, vr, rr = b[BIN_VV] - a[BIN_VV], b[BIN_VR] - a[BIN_VR], b[BIN_RR] - a[BIN_RR]
+def _left_of(sums: FloatArray, a: int, b: int, height: float, slope: float) -> float:
+    """Return the residual sum of squares of the bins a to b - 1 about the line height + slope v."""
+    n, v, r = (
+        sums[b, BIN_N] - sums[a, BIN_N],
+        sums[b, BIN_V] - sums[a, BIN_V],
+        sums[b, BIN_R] - sums[a, BIN_R],
+    )
+    vv, vr = sums[b, BIN_VV] - sums[a, BIN_VV], sums[b, BIN_VR] - sums[a, BIN_VR]
+    rr = sums[b, BIN_RR] - sums[a, BIN_RR]
     left = rr - 2.0 * (height * r + slope * vr) + n * height**2 + 2.0 * height * slope * v + slope**2 * vv
     return float(max(left, 0.0))
 

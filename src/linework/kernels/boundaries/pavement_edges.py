@@ -20,9 +20,6 @@ from linework.kernels.boundaries.profiles import (
     LEAST_FLOOR_NOISE_M,
     LEAST_VV,
     N_PROFILE_BINS,
-    PLACE_R,
-    PLACE_X,
-    PLACE_Y,
     PROFILE_BIN_M,
     beside_cell,
     bin_sums_across,
@@ -68,9 +65,6 @@ FAR_BIN = N_PROFILE_BINS // 2 - 25
 NEAR_BINS = 10
 #: Share of the points that are independent: neighbours lie on the same tuft and the same stain.
 NEW_SHARE = 0.15
-#: A scanner's shadow holds less than this share of the usual points, where at least this many are expected; and the
-#: standard deviation of the pavement's edge from a straight line [m].
-SHADOW_SHARE, SHADOW_POINTS, SHADOW_SIGMA_M = 0.3, 2.0, 0.01
 #: Two sides of one brightness each differ by this many spreads; with a stripe of up to 0.4 m on one they do not.
 STRIPE = 1.5
 #: Widest paint, in bins (30 cm): brightness alone decides only over more.
@@ -86,18 +80,18 @@ STEADY_BINS, STEADY_POINTS, N_LEVELS = 5, 3.0, 8
 #: by which its brightness is clearly that of the road.
 STRIP_TURNS = np.deg2rad(np.arange(-16.0, 17.0, 4.0))
 DARK_STRIP_M, CLEARLY = 0.10, 2.0
-#: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
-N_LAST = 4
 
 
 @njit(cache=True, nogil=True)
-def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, float, float, float]:
-    """Return points, variances of height and brightness, height at `v` and mean brightness of the bins from a to b."""
-    n, left, z, _ = line_through(a, b, v)
+def _spread_of(sums: FloatArray, a: int, b: int, v: float) -> tuple[float, float, float, float, float]:
+    """Return points, variances of height and brightness, height at `v` and mean brightness of the bins a to b - 1."""
+    n, left, z, _ = line_through(sums, a, b, v)
     if n < SIDE_POINTS:
         return 0.0, 1.0, 1.0, 0.0, 0.0
-    bright = (b[BIN_I] - a[BIN_I]) / n
-    square = max((b[BIN_II] - a[BIN_II]) / n - bright * bright, 0.0) + least_bright_variance(bright)
+    bright = (sums[b, BIN_I] - sums[a, BIN_I]) / n
+    square = max((sums[b, BIN_II] - sums[a, BIN_II]) / n - bright * bright, 0.0) + least_bright_variance(
+        bright
+    )
     heights = left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2
     return n, heights, square, z, bright
 
@@ -109,12 +103,21 @@ def least_bright_variance(level: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def sloping_variance(sums: FloatArray) -> float:
-    """Return the variance of the brightness about a line through it; sums: (9,) of some bins."""
-    n = sums[BIN_N]
-    mv, mean = sums[BIN_V] / n, sums[BIN_I] / n
-    vi, vv = sums[BIN_VI] / n - mv * mean, sums[BIN_VV] / n - mv * mv + LEAST_VV
-    return float(max(sums[BIN_II] / n - mean * mean - vi * vi / vv, 0.0) + least_bright_variance(mean))
+def sloping_variance(sums: FloatArray, first: int, last: int) -> float:
+    """Return the variance of the brightness about a line, beyond `FAR_BIN` and without the bins first to last - 1."""
+    n = _beyond(sums, first, last, BIN_N)
+    mv, mean = _beyond(sums, first, last, BIN_V) / n, _beyond(sums, first, last, BIN_I) / n
+    vi = _beyond(sums, first, last, BIN_VI) / n - mv * mean
+    vv = _beyond(sums, first, last, BIN_VV) / n - mv * mv + LEAST_VV
+    left = max(_beyond(sums, first, last, BIN_II) / n - mean * mean - vi * vi / vv, 0.0)
+    return float(left + least_bright_variance(mean))
+
+
+@njit(cache=True, nogil=True)
+def _beyond(sums: FloatArray, first: int, last: int, column: int) -> float:
+    """Return a sum over all bins from `FAR_BIN` on, without the bins first to last - 1."""
+    whole = sums[N_PROFILE_BINS, column] - sums[FAR_BIN, column]
+    return float(whole - (sums[last, column] - sums[first, column]))
 
 
 @njit(cache=True, nogil=True)
@@ -164,19 +167,19 @@ def brightness_gain(sums: FloatArray, k: int, beyond: float, levels: FloatArray)
     A stripe of paint before bin k is left out; with more than that the gain is zero. Parameters as for `stripe_before`.
     """
     is_one, first, last = stripe_before(sums, k, beyond, levels)
-    before = sums[N_PROFILE_BINS] - sums[k] - (sums[last] - sums[first])
-    whole = before + sums[k] - sums[FAR_BIN]
-    n_a, n = before[BIN_N], whole[BIN_N]
-    level, n_b = before[BIN_I] / max(n_a, 1.0), n - n_a
-    steady = is_one and n_a >= SIDE_POINTS and is_steady(sums, k, 0.5 * (level + beyond), beyond > level)
-    if not steady:
+    n, n_b = _beyond(sums, first, last, BIN_N), sums[k, BIN_N] - sums[FAR_BIN, BIN_N]
+    n_a = n - n_b
+    if not is_one or n_a < SIDE_POINTS:
         return 0.0, beyond
-    left = sloping_variance(whole)
-    i_a = max(before[BIN_II] / n_a - level * level, 0.0) + least_bright_variance(level)
-    i_b = max((sums[k, BIN_II] - sums[FAR_BIN, BIN_II]) / n_b - beyond * beyond, 0.0) + least_bright_variance(
-        beyond
-    )
-    return n * np.log(left) - n_a * np.log(i_a) - n_b * np.log(i_b), level
+    i_b, ii_b = sums[k, BIN_I] - sums[FAR_BIN, BIN_I], sums[k, BIN_II] - sums[FAR_BIN, BIN_II]
+    level = (_beyond(sums, first, last, BIN_I) - i_b) / n_a
+    if not is_steady(sums, k, 0.5 * (level + beyond), beyond > level):
+        return 0.0, beyond
+    before = (_beyond(sums, first, last, BIN_II) - ii_b) / n_a - level * level
+    before = max(before, 0.0) + least_bright_variance(level)
+    behind = max(ii_b / n_b - beyond * beyond, 0.0) + least_bright_variance(beyond)
+    gain = n * np.log(sloping_variance(sums, first, last)) - n_a * np.log(before) - n_b * np.log(behind)
+    return float(gain), float(level)
 
 
 @njit(cache=True, nogil=True)
@@ -195,8 +198,8 @@ def strip_beyond(
         x = edge[EDGE_VX] * np.cos(turn) - edge[EDGE_VY] * np.sin(turn)
         y = edge[EDGE_VX] * np.sin(turn) + edge[EDGE_VY] * np.cos(turn)
         bin_sums_across(work, n, x, y, half_u, step, sums)
-        n_a, _, _, _, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
-        n_b, _, i_b, _, b_b = _spread_of(sums[FAR_BIN], sums[k], v)
+        n_a, _, _, _, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
+        n_b, _, i_b, _, b_b = _spread_of(sums, FAR_BIN, k, v)
         if n_a == 0.0 or n_b == 0.0 or b_b <= b_a:
             continue
         level, is_paint = 0.5 * (b_a + b_b), False
@@ -234,16 +237,15 @@ def split_in(
     """
     out[:] = 0.0
     gains[:] = 0.0
-    far = sums[FAR_BIN]
-    n, r, _, _, _ = _spread_of(far, sums[N_PROFILE_BINS], 0.0)
+    n, r, _, _, _ = _spread_of(sums, FAR_BIN, N_PROFILE_BINS, 0.0)
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    i, levels = sloping_variance(sums[N_PROFILE_BINS] - far), np.zeros(N_LEVELS)
+    i, levels = sloping_variance(sums, 0, 0), np.zeros(N_LEVELS)
     for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
-        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
-        n_b, r_b, i_b, z_b, b_b = _spread_of(far, sums[k], v)
+        n_a, r_a, i_a, z_a, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
+        n_b, r_b, i_b, z_b, b_b = _spread_of(sums, FAR_BIN, k, v)
         if n_a == 0.0 or n_b == 0.0:
             continue
         gain, contrast = 0.0, 1.0
@@ -362,8 +364,6 @@ def sharpen_split(
     if out[EDGE_CONTRAST] != 1.0 and strip_beyond(work, n, out, half_u, step, sums):
         if by != BY_BOTH or not _sharpen_split(work, n, first, scale, BY_ROUGHNESS, sums, out):
             return False
-    bin_sums_across(work, n, out[EDGE_VX], out[EDGE_VY], half_u, step, sums)
-    _out_of_shadow(work, n, step, half_u, sums, out)
     return True
 
 
@@ -401,49 +401,3 @@ def _sharpen_split(
     mean /= total
     out[EDGE_V], out[EDGE_SIGMA] = mean, np.sqrt(max(square / total - mean * mean, 0.0) + step * step / 12.0)
     return True
-
-
-@njit(cache=True, nogil=True)
-def _out_of_shadow(
-    work: FloatArray, n: int, step: float, half_u: float, sums: FloatArray, out: FloatArray
-) -> None:
-    """Move an edge (11,) that lies in the scanner's shadow to the last points of the pavement.
-
-    Behind an edge above a lower verge lies the scanner's shadow: the change may be anywhere in it, but the edge is
-    where it begins.
-    """
-    points = sums[:, BIN_N]
-    usual = (points[N_PROFILE_BINS] - points[N_PROFILE_BINS // 2]) / (N_PROFILE_BINS // 2)
-    k = int(np.floor(out[EDGE_V] / step)) + N_PROFILE_BINS // 2
-    for j in (k - 1, k + 1):
-        if points[j + 1] - points[j] < points[k + 1] - points[k]:
-            k = j
-    if points[k + 1] - points[k] >= SHADOW_SHARE * usual:
-        return
-    first = k
-    while first > FAR_BIN and points[first] - points[first - 1] < SHADOW_SHARE * usual:
-        first -= 1
-    while k < N_PROFILE_BINS - 1 and points[k + 1] - points[k] < SHADOW_SHARE * usual:
-        k += 1
-    # Where few points are expected, their absence may be chance
-    if (k - first) * usual < SHADOW_POINTS:
-        return
-    # From the fourth last point on, by the average distance to the edge beyond it
-    begin = (k - 0.5 * N_PROFILE_BINS) * step
-    last = np.full(N_LAST, begin + 4.0 * step)
-    for i in range(n):
-        x, y = work[i, PLACE_X], work[i, PLACE_Y]
-        v = x * out[EDGE_VX] + y * out[EDGE_VY]
-        if (
-            v < begin
-            or abs(x * out[EDGE_VY] - y * out[EDGE_VX]) > half_u
-            or abs(work[i, PLACE_R]) > ROUGHEST_M
-        ):
-            continue
-        for j in range(N_LAST):
-            nearer = min(last[j], v)
-            v = max(last[j], v)
-            last[j] = nearer
-    spacing = step / max(usual, 0.5)
-    out[EDGE_V] = last[N_LAST - 1] - (N_LAST - 0.5) * spacing
-    out[EDGE_SIGMA] = 2.0 * spacing + SHADOW_SIGMA_M

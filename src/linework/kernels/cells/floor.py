@@ -246,7 +246,8 @@ def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
             s[:] = 0.0
             for i in range(max(r - ring, 0), min(r + ring + 2, n_rows)):
                 for j in range(max(c - ring, 0), min(c + ring + 2, n_cols)):
-                    add_shifted(s, sums[i * n_cols + j], (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
+                    if sums[i * n_cols + j, SUM_N] > 0.0:
+                        add_shifted(s, sums, i * n_cols + j, (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
             if s[SUM_N] >= FACET_POINTS:
                 break
         if s[SUM_N] >= FACET_POINTS:
@@ -280,18 +281,19 @@ def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def add_shifted(s: FloatArray, t: FloatArray, dx: float, dy: float) -> None:
-    """Add to sums `s` those of a cell, `t`, taken about a centre at (dx, dy) [m]."""
-    n = t[SUM_N]
-    if n == 0.0:
-        return
+def add_shifted(s: FloatArray, sums: FloatArray, at: int, dx: float, dy: float) -> None:
+    """Add to sums `s` those of cell `at` of `sums` (cells, 11), which has points, taken about a centre at (dx, dy) [m].
+
+    Without branches of its own: with one, its arrays are counted as used and unused again, which takes longer than the sums.
+    """
+    n = sums[at, SUM_N]
     s[SUM_N] += n
-    s[SUM_X] += t[SUM_X] + n * dx
-    s[SUM_Y] += t[SUM_Y] + n * dy
-    s[SUM_Z] += t[SUM_Z]
-    s[SUM_XX] += t[SUM_XX] + 2.0 * dx * t[SUM_X] + n * dx * dx
-    s[SUM_XY] += t[SUM_XY] + dx * t[SUM_Y] + dy * t[SUM_X] + n * dx * dy
-    s[SUM_YY] += t[SUM_YY] + 2.0 * dy * t[SUM_Y] + n * dy * dy
-    s[SUM_XZ] += t[SUM_XZ] + dx * t[SUM_Z]
-    s[SUM_YZ] += t[SUM_YZ] + dy * t[SUM_Z]
-    s[SUM_ZZ] += t[SUM_ZZ]
+    s[SUM_X] += sums[at, SUM_X] + n * dx
+    s[SUM_Y] += sums[at, SUM_Y] + n * dy
+    s[SUM_Z] += sums[at, SUM_Z]
+    s[SUM_XX] += sums[at, SUM_XX] + 2.0 * dx * sums[at, SUM_X] + n * dx * dx
+    s[SUM_XY] += sums[at, SUM_XY] + dx * sums[at, SUM_Y] + dy * sums[at, SUM_X] + n * dx * dy
+    s[SUM_YY] += sums[at, SUM_YY] + 2.0 * dy * sums[at, SUM_Y] + n * dy * dy
+    s[SUM_XZ] += sums[at, SUM_XZ] + dx * sums[at, SUM_Z]
+    s[SUM_YZ] += sums[at, SUM_YZ] + dy * sums[at, SUM_Z]
+    s[SUM_ZZ] += sums[at, SUM_ZZ]

@@ -98,19 +98,28 @@ def floor_near(
     r0 = int(np.floor(y / BOX_CELL_M)) - span[SPAN_SOUTH] // 2
     for r in range(max(r0 - 2, 0), min(r0 + 3, n_rows)):
         for c in range(max(c0 - 2, 0), min(c0 + 3, n_cols)):
-            f = facets[r * n_cols + c]
-            if f[FACET_N] == 0.0:
+            at = r * n_cols + c
+            if facets[at, FACET_N] == 0.0:
                 continue
             # A facet across a step is tilted as well as rough: the tilt counts over half of its width
-            tilt = (f[FACET_EAST] - slope[0]) ** 2 + (f[FACET_NORTH] - slope[1]) ** 2
-            cost = f[FACET_RMS] ** 2 + _TILT_LEVER_M**2 * tilt
-            smooth = bool(f[FACET_RMS] <= max(ROUGHER_FLOOR * f[FACET_SMOOTHEST], SMOOTH_FLOOR_M))
+            tilt = (facets[at, FACET_EAST] - slope[0]) ** 2 + (facets[at, FACET_NORTH] - slope[1]) ** 2
+            cost = facets[at, FACET_RMS] ** 2 + _TILT_LEVER_M**2 * tilt
+            smooth = bool(
+                facets[at, FACET_RMS] <= max(ROUGHER_FLOOR * facets[at, FACET_SMOOTHEST], SMOOTH_FLOOR_M)
+            )
             if (smooth and not is_floor) or (cost < best and smooth == is_floor):
-                best, noise, usual, is_floor = cost, f[FACET_RMS], f[FACET_SMOOTHEST], smooth
+                best, noise, usual, is_floor = (
+                    cost,
+                    facets[at, FACET_RMS],
+                    facets[at, FACET_SMOOTHEST],
+                    smooth,
+                )
                 dx = x - (span[SPAN_WEST] // 2 + c + 0.5) * BOX_CELL_M
                 dy = y - (span[SPAN_SOUTH] // 2 + r + 0.5) * BOX_CELL_M
-                plane[PLANE_HEIGHT] = f[FACET_HEIGHT] + f[FACET_EAST] * dx + f[FACET_NORTH] * dy
-                plane[PLANE_EAST], plane[PLANE_NORTH] = f[FACET_EAST], f[FACET_NORTH]
+                plane[PLANE_HEIGHT] = (
+                    facets[at, FACET_HEIGHT] + facets[at, FACET_EAST] * dx + facets[at, FACET_NORTH] * dy
+                )
+                plane[PLANE_EAST], plane[PLANE_NORTH] = facets[at, FACET_EAST], facets[at, FACET_NORTH]
     return noise, usual
 
 

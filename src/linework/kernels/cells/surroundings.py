@@ -92,21 +92,26 @@ def fit_surroundings(
     out[:] = 0.0
     for r in range(max(r0 - _REACH_CELLS, 0), min(r0 + _REACH_CELLS, span[SPAN_ROWS])):
         for c in range(max(c0 - _REACH_CELLS, 0), min(c0 + _REACH_CELLS, span[SPAN_COLS])):
-            s = sums[r * span[SPAN_COLS] + c]
-            if s[SUM_N] == 0.0:
+            at = r * span[SPAN_COLS] + c
+            if sums[at, SUM_N] == 0.0:
                 continue
-            m = 1.0 / s[SUM_N]
+            m = 1.0 / sums[at, SUM_N]
             ox, oy = (span[SPAN_WEST] + c + 0.5) * FINE_M - x, (span[SPAN_SOUTH] + r + 0.5) * FINE_M - y
-            dx, dy = s[SUM_X] * m + ox, s[SUM_Y] * m + oy
+            dx, dy = sums[at, SUM_X] * m + ox, sums[at, SUM_Y] * m + oy
             if dx * dx + dy * dy > AREA_M**2:
                 continue
             # Mean and mean square of the heights over the plane, from the sums
             p = plane[PLANE_HEIGHT] + a * ox + b * oy
-            tilted = a * s[SUM_X] + b * s[SUM_Y]
-            d = s[SUM_Z] * m - p - tilted * m
-            square = s[SUM_ZZ] + s[SUM_N] * p * p + a * a * s[SUM_XX] + b * b * s[SUM_YY]
-            square = square + 2.0 * a * b * s[SUM_XY]
-            square += 2.0 * (p * tilted - p * s[SUM_Z] - a * s[SUM_XZ] - b * s[SUM_YZ])
+            tilted = a * sums[at, SUM_X] + b * sums[at, SUM_Y]
+            d = sums[at, SUM_Z] * m - p - tilted * m
+            square = (
+                sums[at, SUM_ZZ]
+                + sums[at, SUM_N] * p * p
+                + a * a * sums[at, SUM_XX]
+                + b * b * sums[at, SUM_YY]
+            )
+            square = square + 2.0 * a * b * sums[at, SUM_XY]
+            square += 2.0 * (p * tilted - p * sums[at, SUM_Z] - a * sums[at, SUM_XZ] - b * sums[at, SUM_YZ])
             rough = np.sqrt(max(square * m, 0.0))
             doubt = _NOISE_SIGMAS * noise * np.sqrt(m)
             low, high = min(low, d + doubt), max(high, d - doubt)
@@ -114,7 +119,7 @@ def fit_surroundings(
             flat += 1.0 if rough <= _NOISE_SIGMAS * noise + _SLACK_M else 0.0
             if abs(d) > CLIP_M:
                 continue
-            w = min(s[SUM_N], MOST_WEIGHT)
+            w = min(sums[at, SUM_N], MOST_WEIGHT)
             n += w
             sx += w * dx
             sy += w * dy
@@ -122,7 +127,7 @@ def fit_surroundings(
             xy += w * dx * dy
             yy += w * dy * dy
             f[FIELD_HEIGHT], f[RISE] = d, min(max(d, -LOW_KERB_M), LOW_KERB_M)
-            f[ROUGH], f[FIELD_BRIGHT] = min(rough, ROUGHEST_M), s[SUM_STRENGTH] * m
+            f[ROUGH], f[FIELD_BRIGHT] = min(rough, ROUGHEST_M), sums[at, SUM_STRENGTH] * m
             for k in range(_FOUR):
                 t[k, 0] += w * f[k]
                 t[k, 1] += w * dx * f[k]

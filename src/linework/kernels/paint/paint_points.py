@@ -117,17 +117,19 @@ def dark_level(values: FloatArray) -> tuple[float, float]:
     one spread; up to a fifth may be very dark (seams, wet places).
     """
     n = len(values)
-    high = smallest(values, int(HIGH_QUANTILE * (n - 1) + 0.5))
-    middle = smallest(values, int(MIDDLE_QUANTILE * (n - 1) + 0.5))
-    low = smallest(values, int(LOW_QUANTILE * (n - 1) + 0.5))
+    # Each selection leaves all smaller values before the one that it finds
+    at_high, at_middle = int(HIGH_QUANTILE * (n - 1) + 0.5), int(MIDDLE_QUANTILE * (n - 1) + 0.5)
+    high = smallest(values, at_high, n)
+    middle = smallest(values, at_middle, at_high + 1)
+    low = smallest(values, int(LOW_QUANTILE * (n - 1) + 0.5), at_middle + 1)
     spread = min((middle - low) / LOW_TO_MIDDLE, (high - middle) / MIDDLE_TO_HIGH)
     return middle + MIDDLE_TO_MEDIAN * spread, spread
 
 
 @njit(cache=True, nogil=True)
-def smallest(values: FloatArray, k: int) -> float:
-    """Return the k-th smallest (from 0) of values (n,) by Hoare's selection, which moves smaller ones before it."""
-    low, high = 0, len(values) - 1
+def smallest(values: FloatArray, k: int, n: int) -> float:
+    """Return the k-th smallest (from 0) of the first n values by Hoare's selection, which moves smaller ones before it."""
+    low, high = 0, n - 1
     while low < high:
         pivot = values[(low + high) >> 1]
         i, j = low, high

@@ -127,12 +127,12 @@ def road_noise_m(surface: Ground, xy: FloatArray) -> FloatArray:
     That is the median scatter of the points of its cells: asphalt is smoother than scanners are.
     """
     reach = round(_NOISE_REACH_M / surface.grid.cell_width_m)
-    sigma = np.where(surface.is_road, surface.sigma, np.float32(np.nan))
     column = np.floor((xy[:, 0] - surface.grid.east_m) / surface.grid.cell_width_m).astype(np.int64)
     row = np.floor((surface.grid.north_m - xy[:, 1]) / surface.grid.cell_height_m).astype(np.int64)
     noise = np.zeros(len(xy))
     for i, (r, c) in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
-        near = sigma[max(r - reach, 0) : max(r + reach + 1, 0), max(c - reach, 0) : max(c + reach + 1, 0)]
-        known = near[np.isfinite(near)]
+        around = np.s_[max(r - reach, 0) : max(r + reach + 1, 0), max(c - reach, 0) : max(c + reach + 1, 0)]
+        near = surface.sigma[around]
+        known = near[surface.is_road[around] & np.isfinite(near)]
         noise[i] = np.median(known) if len(known) >= _LEAST_CELLS else 0.0
     return noise

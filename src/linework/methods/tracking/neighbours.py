@@ -117,8 +117,9 @@ def find_neighbours(axes: Sequence[LineAxis], reach_m: float) -> Neighbours:
         none = np.zeros(0, dtype=np.int64)
         return Neighbours(none, none, none, np.zeros(0), np.zeros(0))
     pairs = cKDTree(xy).query_pairs(np.hypot(reach_m, _ALONG_M), output_type="ndarray").astype(np.int64)
-    pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    a, b = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]].T
+    # Most pairs are of one line: they are left out before all others are turned round
+    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
+    a, b = np.concatenate([pairs, pairs[:, ::-1]]).T
     step = xy[b] - xy[a]
     across = np.sum(step * normal[a], axis=1)
     along = np.abs(normal[a, 1] * step[:, 0] - normal[a, 0] * step[:, 1])
