@@ -1,5 +1,7 @@
 """Every step of the guardrail part on small scenes made by hand, where the line is known to the millimetre."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.scenes import rail_scenes as made
@@ -8,8 +10,11 @@ from tests.scenes.rail_scenes import RADON, TOP_M, bend, extract, prepare, rail_
 from linework.methods.radon.seeds import SeedConfig, SeedLines, find_seed_lines, split_into_segments
 from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import find_starts
+from linework.methods.rails.forms import FormedStretch, fitted_again, formed_stretches, forms_along
+from linework.methods.rails.placed import place_rails
 from linework.methods.rails.rail_lines import rail_lines
 from linework.methods.rails.rails import fit_rail
+from linework.methods.rails.sections import Band, SectionForm
 from linework.model.grid import Grid, Image
 
 SEEDS, CIRCLES, PROFILE = RADON.seeds, RADON.circles, RADON.profile
@@ -226,6 +231,53 @@ def test_the_fit_is_the_middle_of_the_corrugation_and_the_top_edge(noise_m):
     assert np.mean(rail.measured) > 0.95
     assert np.all((rail.sigma_xy_m >= 0.01) & (rail.sigma_xy_m < 0.03))
     assert np.all((rail.sigma_z_m >= 0.01) & (rail.sigma_z_m < 0.04))
+
+
+def test_an_edge_that_lies_far_below_what_is_followed_at_an_end_is_found():
+    """Where an end dips, what is followed may go on level: the fit is looked at once more about where it ends."""
+    p = prepare(straight(rail_scene(rng_of())))
+    (chain,) = followed_in(p)
+    rail = fit_rail(chain, p.bins, CIRCLES, PROFILE)
+    n = len(chain)
+    off = rail.top_m + np.where(np.arange(n) >= n - 5, 0.45, 0.0)
+    whole = SectionForm("guardrail", "thrie_beam", (Band(-0.31, 0.0, "flat", 0.0, 1.0, 0.0),), hangs=True)
+    stretch = FormedStretch(slice(0, n), whole, 1.0, *np.zeros((2, n)))
+    (fit,) = fitted_again(replace(rail, top_m=off), stretch, p.bins, CIRCLES, PROFILE)
+    assert np.abs(fit.top_m - rail.top_m).max() < 0.05
+
+
+def in_plain(section):
+    """What a section shows, to the micrometre, as values that compare."""
+    bands = [
+        [round(m, 6) for m in (b.low_m, b.high_m, b.axis_m, b.explained, b.top_share)] for b in section.bands
+    ]
+    return section.kind, section.form, section.hangs, bands
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 0.3, np.pi / 2])
+@pytest.mark.parametrize("thing", [made.rail, made.new_jersey, made.boards])
+def test_windows_show_the_same_whichever_way_a_rail_is_followed(thing, angle_rad):
+    """A tile may follow a rail the other way than the next one: that is no reason for another form or edge."""
+    rng = rng_of(3)
+    p = prepare(
+        straight(scene(rng, thing(rng), behind=[made.hedge(rng, (10.0, 20.0), (5.1, 5.6))]), angle_rad)
+    )
+    chain = max(followed_in(p), key=len)
+    found = []
+    for rail in (fit_rail(c, p.bins, CIRCLES, PROFILE) for c in (chain, chain[::-1])):
+        (placed,) = place_rails([rail], p.bins, p.surface)
+        at, sections = forms_along(placed, p.bins, p.surface, CIRCLES)
+        steady = np.ones(len(rail.xy), dtype=bool)
+        found.append(
+            (at, sections, formed_stretches(at, sections, steady, placed.height_m, CIRCLES, PROFILE))
+        )
+    (at, one, runs), (at_back, other, runs_back) = found
+    last = len(chain) - 1
+    assert at.tolist() == (last - at_back)[::-1].tolist()
+    assert any(s.form for s in one)
+    assert [in_plain(s) for s in one] == [in_plain(s.mirrored()) for s in other[::-1]]
+    ends = [(r.run.start, r.run.stop - 1) for r in runs]
+    assert ends == [(last + 1 - r.run.stop, last - r.run.start) for r in runs_back[::-1]]
 
 
 def test_the_fit_in_a_bend_of_18_m_does_not_cut_it():

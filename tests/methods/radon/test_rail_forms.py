@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from linework.methods.radon.method import Radon
 from linework.methods.rails import forms
 from linework.methods.rails.circles import CircleConfig
 from linework.methods.rails.forms import form_of_run, formed_stretches
@@ -24,8 +25,10 @@ from linework.methods.rails.sections import (
     form_of_bars,
     form_of_section,
 )
-from linework.model.grid import Grid
+from linework.model.grid import Bounds, Grid
 from linework.model.ground import Ground
+from linework.model.points import Points
+from linework.model.tile import TileData
 
 #: Height of the followed edge above the ground. [m]
 TOP_M = 0.80
@@ -319,6 +322,20 @@ def test_pipes_are_level_where_the_followed_edge_changes_between_them():
     assert np.allclose(top[:2], followed[:2])
 
 
+def test_the_top_of_a_fence_is_not_above_its_points():
+    """Few points on a high sheet: only those that are counted say how far its edge is above the highest one."""
+    rng = np.random.default_rng(1)
+    road = np.column_stack([*rng.uniform(0.0, 40.0, (2, 40_000)), rng.normal(0.0, 0.005, 40_000)])
+    mesh = np.column_stack(
+        [rng.uniform(0.0, 40.0, 1500), rng.normal(20.0, 0.005, 1500), rng.uniform(0.05, 1.3, 1500)]
+    )
+    tile = TileData("fence", Bounds(-1.0, -1.0, 41.0, 41.0), Points(np.concatenate([road, mesh])))
+    (fence,) = Radon(kinds=("fence",)).extract(tile)
+    assert fence.form == "mesh"
+    assert np.max(fence.xyz[:, 2]) < 1.35
+    assert abs(np.median(fence.xyz[:, 2]) - 1.3) < 0.05
+
+
 def levelled(monkeypatch, letters, first=0):
     """Which windows of a line from the window `first` on are looked at along the road; their numbers on the whole line.
 
@@ -349,6 +366,7 @@ def levelled(monkeypatch, letters, first=0):
         return [(int(nodes[i, 0] // 2.0), is_level) for i in middle]
 
     monkeypatch.setattr(forms, "sections_at", sections)
+    monkeypatch.setattr(forms, "_turned", lambda counts, _: counts)
     monkeypatch.setattr(forms, "form_of_section", told)
     monkeypatch.setattr(forms, "above_beside_m", lambda _, xyz: np.zeros(len(xyz)))
     monkeypatch.setattr(forms, "road_noise_m", lambda _, xyz: np.zeros(len(xyz)))

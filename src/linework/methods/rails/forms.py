@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels.radon.sections import EdgeShape
 from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
@@ -48,6 +48,8 @@ _MOST_BEAM_M = 0.30
 #: What is followed changes to another beam where it rises or falls by more within a window: pipes are 0.2 m and more
 #: apart, ends dip by 0.35 m, and show their form all the same. [m]
 _OTHER_BEAM_M = 0.10
+#: Fits of an upper edge, each about the one before.
+_ROUNDS = 2
 #: Weight of points above an edge, per equal area: twice, as for a W-beam.
 _ABOVE_WEIGHT = 2.0
 
@@ -81,7 +83,10 @@ class FormedStretch:
 def forms_along(
     placed: PlacedRail, bins: Bins, surface: Ground, circles: CircleConfig
 ) -> tuple[IntArray, list[SectionForm]]:
-    """Return the stations (k,) int64 of windows along a rail, and what each of them shows."""
+    """Return the stations (k,) int64 of windows along a rail, and what each of them shows.
+
+    A window shows the same in whichever direction the rail is followed, which differs from tile to tile.
+    """
     rail = placed.rail
     # Windows at places of the world, the same wherever a tile begins
     nodes, half = _nodes(rail), rail.profile.window // 2
@@ -93,8 +98,9 @@ def forms_along(
     at = np.flatnonzero(np.abs(place % step - 0.5 * step) < 0.5 * circles.spacing_m)
     asked = rail.measured[at]
     windows = np.column_stack([np.maximum(at - half, 0), np.minimum(at + half + 1, n)])[asked]
-    held = sections_at(nodes, windows, bins, circles)
     at_asked = at[asked]
+    is_turned = _are_turned(nodes[at_asked, 2])
+    held = _turned(sections_at(nodes, windows, bins, circles), is_turned)
     above = placed.above_ground_m[at_asked]
     in_world = nodes[at_asked] + np.array([*bins.origin[:2], 0.0, bins.origin[2]])
     beside = above_beside_m(surface, in_world)
@@ -111,12 +117,30 @@ def forms_along(
             # What is followed changes from one beam to another, which smears them: they are level over the road
             level = nodes.copy()
             level[:, 3] += height_m[at_asked[i]] - height_m
-            (counts,) = sections_at(level, windows[i : i + 1], bins, circles)
+            (counts,) = _turned(sections_at(level, windows[i : i + 1], bins, circles), is_turned[i : i + 1])
             seen = form_of_section(counts, float(above[i]), float(noise[i]))
             if seen.kind == "guardrail" and len(seen.bands) > 1:
                 forms[i] = replace(seen, is_level=True)
-    found = iter(forms)
-    return at, _with_neighbours([next(found) if is_asked else NOTHING for is_asked in asked.tolist()])
+    found, turned = iter(forms), np.zeros(len(at), dtype=bool)
+    turned[asked] = is_turned
+    shown = _with_neighbours([next(found) if is_asked else NOTHING for is_asked in asked.tolist()])
+    return at, [s.mirrored() if t else s for s, t in zip(shown, turned.tolist(), strict=True)]
+
+
+def _are_turned(heading_rad: FloatArray) -> BoolArray:
+    """Return which of the headings (k,) lead west, or due south: lines are followed in either direction.
+
+    >>> _are_turned(np.radians([0.0, 90.0, 91.0, 180.0, -90.0])).tolist()
+    [False, False, True, True, True]
+    """
+    # Rounded: due north and due south are no more west for what rounding made of them
+    east, north = (np.round(f(heading_rad), 9) for f in (np.cos, np.sin))
+    return np.asarray((east < 0.0) | ((east == 0.0) & (north < 0.0)))
+
+
+def _turned(counts: FloatArray, is_turned: BoolArray) -> FloatArray:
+    """Return the sections (k, heights, widths), those that are turned as from the other end."""
+    return np.where(is_turned[:, None, None], counts[:, :, ::-1], counts)
 
 
 def _are_between_rails(at: IntArray, forms: list[SectionForm]) -> BoolArray:
@@ -248,8 +272,7 @@ def formed_stretches(
     if not len(at):
         return []
     n, chainage = len(steady), np.arange(len(steady), dtype=np.float64) * circles.spacing_m
-    nearest = np.argmin(np.abs(np.arange(n)[:, None] - at[None]), axis=1)
-    names = np.array([_family(s) for s in forms])[nearest]
+    names = _nearest_names(np.array([_family(s) for s in forms]), at, n)
     least = round(config.min_length_m / circles.spacing_m) + 1
     most_on = round(config.max_run_on_m / circles.spacing_m)
     free, found = steady.copy(), []
@@ -271,6 +294,18 @@ def formed_stretches(
                 found.append(stretch)
                 free[run] = False
     return found
+
+
+def _nearest_names(names: AnyArray, at: IntArray, n: int) -> AnyArray:
+    """Return what the nearest windows at `at` (k,) of nodes 0 to n - 1 show, (n,); half-way between two, rather something.
+
+    >>> _nearest_names(np.array(["", "fence", ""]), np.array([1, 5, 9]), 10).tolist()
+    ['', '', '', 'fence', 'fence', 'fence', 'fence', 'fence', '', '']
+    """
+    away = np.abs(np.arange(n)[:, None] - at[None])
+    before = names[np.argmin(away, axis=1)]
+    after = names[len(at) - 1 - np.argmin(away[:, ::-1], axis=1)]
+    return np.asarray(np.where(before >= after, before, after))
 
 
 def _closed(chosen: BoolArray, most: int) -> BoolArray:
@@ -305,7 +340,10 @@ def fitted_again(
         chain = np.column_stack([xy, top, number, rail.measured[run]])
         beam = min(band.height_m, _MOST_BEAM_M)
         edge = EdgeShape(beam=beam, above=_ABOVE_WEIGHT * beam / _CLEAR_M, under=0.0)
-        (fit,) = fit_rails([chain], bins, circles, config, edge)
+        for _ in range(_ROUNDS):
+            # Where the edge dips it is found 0.3 m off at most: what is followed may be farther off, above all at ends
+            (fit,) = fit_rails([chain], bins, circles, config, edge)
+            chain = np.column_stack([xy, fit.top_m, np.maximum(fit.profile.number, 1.0), fit.measured])
         if stretch.section.form in ("box_beam", "tube"):
             # The line is the axis, which the points of the visible faces are not on
             fit = replace(fit, xy=xy + band.axis_m * left)

@@ -105,9 +105,11 @@ def fit_rails(
     edge_xy, *_ = lines.fit_plan(xy + at_edge[:, None] * left, weight)
     xy, _, rms, effective = lines.fit_plan(xy + np.nan_to_num(profile.offset_m)[:, None] * left, weight)
 
-    # The top edge lies above the highest of n points spread over the sheet, by its height / (n + 1)
+    # The top edge lies above the highest of n points spread over the sheet, as deep as they were counted, by its height
+    # / (n + 1)
     seen = known & ~np.isnan(profile.top_m)
-    deficit = np.where(seen, profile.beam_m / (profile.number + 1.0), 0.0)
+    depth = np.minimum(profile.beam_m, kernels.SHEET_BELOW_M)
+    deficit = np.where(seen, depth / (profile.number + 1.0), 0.0)
     z = np.where(seen, profile.top_m + deficit, top)
     scatter = np.hypot(deficit, fitted.TOP_NOISE_M)
     weight = np.where(seen, (fitted.TOP_NOISE_M / scatter) ** 2, _EMPTY_TOP_WEIGHT)

@@ -159,6 +159,14 @@ class SectionForm:
         """Share of the points of its beams that lie on their outlines."""
         return min((band.explained for band in self.bands), default=0.0)
 
+    def mirrored(self) -> SectionForm:
+        """Return the section as from the other end of the line."""
+        bands = (
+            replace(b, axis_m=-b.axis_m, fits=tuple(replace(f, axis_m=-f.axis_m) for f in b.fits))
+            for b in self.bands
+        )
+        return replace(self, bands=tuple(bands))
+
 
 NOTHING = SectionForm("", "", (), hangs=False)
 
