@@ -67,6 +67,9 @@ ROPE_M, HANDRAIL_M, BAR_M = 0.085, 0.075, (0.05, 0.215)
 BETWEEN_BEAMS_M = 0.06
 #: Ropes hang closer to each other than the tubes of a handrail or the pipes of a bridge rail. [m]
 ROPE_PITCH_M = 0.25
+#: The highest rope of cable barriers hangs 0.73 to 1.07 m above the ground (EN 1317-2 and MASH TL-4 systems), and the ground
+#: beside them dips; rows of points above that are a scanner's rings on a wall. [m]
+HIGHEST_ROPE_M = 1.20
 #: Beams of rails hang on their posts: they end this high above the grass, or the depths under the lowest one are clear,
 #: and above the ground's own noise. [m]
 HANGS_M, CLEAR_UNDER_M, OVER_GROUND_M = 0.05, (0.01, 0.04), 0.05
@@ -389,7 +392,12 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, han
         kind, form = "guardrail", "w_beam"
     elif hangs and n == 1 and THRIE_BEAM_M[0] <= heights[0] <= THRIE_BEAM_M[1]:
         kind, form = "guardrail", "thrie_beam"
-    elif n > 1 and max(heights) <= ROPE_M and pitch <= ROPE_PITCH_M:
+    elif (
+        n > 1
+        and max(heights) <= ROPE_M
+        and pitch <= ROPE_PITCH_M
+        and above_ground_m + bands[0].high_m <= HIGHEST_ROPE_M
+    ):
         kind, form = "guardrail", "cable_barrier"
     elif n > 1 and max(heights) <= HANDRAIL_M:
         kind, form = "fence", "tubes"
