@@ -27,7 +27,7 @@ HALF_WIDTH_M = 16.0
 #: Longest range. [m]
 FARTHEST_M = 60.0
 ORIGIN_M = (412_345.0, 5_654_321.0, 287.0)
-#: A vertex of a truth line is observed where so many points lie this near: on the paint, on both faces of a kerb. [m]
+#: A vertex of a truth line is observed where so many points lie this near: on paint, about an edge. [m]
 SEEN_POINTS, SEEN_PAINT_M, SEEN_EDGE_M = 3, 0.08, 0.12
 
 
@@ -41,7 +41,7 @@ class Road:
     lines: list[tuple[str, np.ndarray, str]] = field(default_factory=list)
     driven_m: tuple[float, ...] = (-1.75,)
     bend_per_m: float = 0.0
-    height_m: float = 2.3
+    eye_m: float = 2.3
 
     @property
     def across(self) -> np.ndarray:
@@ -207,7 +207,7 @@ def _half_line(
     if len(half) < 10:
         return (np.zeros(0),) * 5
     # A ray ends where the elevation first passes its own
-    eye = road.height(np.array(s0), np.array(lane)) + road.height_m
+    eye = road.height(np.array(s0), np.array(lane)) + road.eye_m
     angle = np.arctan2(road.z[row[half], half] - eye, np.abs(y[half] - lane) * stretch + 1e-6)
     step = 2.0 * np.pi / scanner.points_per_line
     rays = np.arange(-np.pi / 2 + rng.uniform(0, step), 0.3, step)
@@ -376,9 +376,9 @@ def setts(length_m, rng):
 
 @scene
 def expressway(length_m, rng):
-    """Three lanes one way with a hard shoulder, wide edge lines, a concrete barrier left, an asphalt drop right."""
+    """Three lanes one way with a hard shoulder, wide edge lines, a concrete barrier left, grass that falls away right."""
     road = asphalt(length_m, rng, crossfall=0.0)
-    road.z -= 0.025 * (road.across + 6.0)[None, :] * -1.0
+    road.z += 0.025 * (road.across + 6.0)[None, :]
     left, right = 6.0, -9.0
     road.paint(left - 0.6, 0.2, rng, wear=0.1)
     road.paint(right + 2.6, 0.3, rng, wear=rng.uniform(0, 0.2))

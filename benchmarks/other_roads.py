@@ -1,7 +1,7 @@
 """How good the lines are on roads of another generator than ours: `python -m benchmarks.other_roads`.
 
 Six scenes (`--scenes street,country,...`), seeds (`--seeds 1-3`), scanners by noise, points and intensities
-(`--noise-cm 2 --bits 8 --offset 3000 --lines-per-m 25 --head 1`). Markings and boundaries as `linework.extract` gives
+(`--noise-cm 2 --bits 8 --offset 20 --lines-per-m 25 --heads 1`). Markings and boundaries as `linework.extract` gives
 them, within 10 cm of what was seen of the truth. See `benchmarks._profile_roads` for what differs.
 """
 
@@ -67,7 +67,10 @@ def parsed(arguments):
     parser.add_argument("--lines-per-m", type=float, default=25.0, help="scan lines, all heads")
     parser.add_argument("--points-per-line", type=int, default=1500, help="in a whole turn")
     parser.add_argument("--heads", type=int, default=2, choices=(1, 2))
-    return parser.parse_args(list(arguments))
+    options = parser.parse_args(list(arguments))
+    if options.offset >= 2**options.bits:
+        parser.error(f"--offset {options.offset:g} leaves nothing of {options.bits} bits")
+    return options
 
 
 def made(name, seed, length_m, scanner):

@@ -11,8 +11,15 @@ from linework.kernels.boundaries.pavement_edges import (
     best_split,
     sharpen_split,
     strip_beyond,
+    stripe_in,
 )
-from linework.kernels.boundaries.profiles import HALF_LENGTH_M, N_PROFILE_BINS, PROFILE_BIN_M, PROFILE_SUMS
+from linework.kernels.boundaries.profiles import (
+    HALF_LENGTH_M,
+    N_PROFILE_BINS,
+    PROFILE_BIN_M,
+    PROFILE_SUMS,
+    bin_sums_across,
+)
 
 SUMS = np.zeros((N_PROFILE_BINS + 1, PROFILE_SUMS))
 #: Distance of the search area's middle from the end of the pavement. [m]
@@ -49,12 +56,34 @@ def test_paint_with_a_strip_of_road_behind_it_is_not_the_edge(seed):
     assert abs(edge_of(area(seed, paint_m=(9.0, 9.0)))) < 0.02
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("verge", [2600.0, 3300.0, 4500.0])
-def test_the_border_of_bright_paint_is_not_the_edge_of_a_verge_of_like_brightness(seed, verge):
-    found = edge_of(area(seed, paint_m=(0.25, 0.37), verge=verge, spread=0.1))
-    assert found is not None
-    assert abs(found) < 0.06
+@pytest.mark.parametrize("width_m", [0.12, 0.20])
+@pytest.mark.parametrize("gap_m", [0.05, 0.10, 0.15, 0.25, 0.35])
+def test_an_edge_line_is_not_the_end_of_a_pavement_beside_a_darker_verge(gap_m, width_m):
+    found = [
+        edge_of(area(seed, paint_m=(gap_m, gap_m + width_m), verge=2600.0, spread=0.15)) for seed in range(6)
+    ]
+    # The old measure lay at the paint's border: at the gap
+    assert abs(np.median(found)) < 0.04
+
+
+@pytest.mark.parametrize("verge", [3300.0, 4500.0, 8000.0])
+@pytest.mark.parametrize("gap_m", [0.25, 0.35])
+def test_a_bright_verge_begins_behind_the_strip_beside_an_edge_line(gap_m, verge):
+    found = [edge_of(area(seed, paint_m=(gap_m, gap_m + 0.2), verge=verge, spread=0.15)) for seed in range(6)]
+    assert abs(np.median(found)) < 0.02
+
+
+def test_a_stripe_is_found_and_a_wide_verge_is_none():
+    work = area(1, paint_m=(0.25, 0.37))
+    bin_sums_across(work, len(work), 0.0, 1.0, HALF_LENGTH_M, PROFILE_BIN_M, SUMS)
+    first, last = (
+        PROFILE_BIN_M * (k - N_PROFILE_BINS // 2) + MIDDLE_M for k in stripe_in(SUMS, PROFILE_BIN_M)
+    )
+    assert first == pytest.approx(0.25, abs=0.05)
+    assert last == pytest.approx(0.37, abs=0.05)
+    work = area(1, paint_m=(9.0, 9.0))
+    bin_sums_across(work, len(work), 0.0, 1.0, HALF_LENGTH_M, PROFILE_BIN_M, SUMS)
+    assert stripe_in(SUMS, PROFILE_BIN_M) == (0, 0)
 
 
 def test_a_strip_shows_although_the_axis_is_turned():

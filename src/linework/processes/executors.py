@@ -101,8 +101,9 @@ class Threads:
         waiting, done = queue.SimpleQueue[Task](), queue.SimpleQueue[Outcome[Task, Receipt] | BaseException]()
         for task in tasks:
             waiting.put(task)
+        ending = _Ending(threading.Lock(), set())
         threads = [
-            threading.Thread(target=_do_tasks, args=(work, waiting, done), daemon=True)
+            threading.Thread(target=_do_tasks, args=(work, waiting, done, ending), daemon=True)
             for _ in range(min(self.n_workers, len(tasks)))
         ]
         n_left = len(tasks)
@@ -117,29 +118,52 @@ class Threads:
                 yield outcome
         finally:
             for thread in threads:
-                # One without a task ends by itself: stopped meanwhile it would say so on the error stream
-                if n_left and thread.ident is not None and thread.is_alive():
-                    ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                        ctypes.c_ulong(thread.ident), ctypes.py_object(_StoppedError)
-                    )
+                # One that ends by itself would say on the error stream that it was stopped meanwhile
+                with ending.lock:
+                    if (
+                        n_left
+                        and thread.ident is not None
+                        and thread.is_alive()
+                        and thread not in ending.threads
+                    ):
+                        ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                            ctypes.c_ulong(thread.ident), ctypes.py_object(_StoppedError)
+                        )
             for thread in threads:
                 if thread.ident is not None:
                     thread.join()
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """Threads that end by themselves and are stopped no more; the lock is held while one is stopped."""
+
+    lock: threading.Lock
+    threads: set[threading.Thread]
 
 
 def _do_tasks(
     work: Callable[[Task], Receipt],
     waiting: queue.SimpleQueue[Task],
     done: queue.SimpleQueue[Outcome[Task, Receipt] | BaseException],
+    ending: _Ending,
 ) -> None:
     """Do waiting tasks until there are none, or the machine refuses."""
     try:
-        while True:
-            done.put(outcome_of(work, waiting.get_nowait()))
-    except (queue.Empty, _StoppedError):
+        try:
+            while True:
+                done.put(outcome_of(work, waiting.get_nowait()))
+        except queue.Empty:
+            pass
+        except _StoppedError:
+            raise
+        except BaseException as error:
+            done.put(error)
+        # What stops this thread came before, and shows in here, or does not come at all
+        with ending.lock:
+            ending.threads.add(threading.current_thread())
+    except _StoppedError:
         return
-    except BaseException as error:
-        done.put(error)
 
 
 def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Receipt]:

@@ -88,7 +88,7 @@ class Looked:
         slope = slope_at(self.place, self.base.ground)
         noise, usual = floor_near(data.facets, data.span, *self.place, slope, plane)
         rise, _ = fit_surroundings(data.sums, data.span, self.place, plane, noise, slopes)
-        self.floor = LocalFloor(plane, noise, *slope, usual)
+        self.floor = LocalFloor(plane, noise, *slope, usual, usual)
         self.around = slopes, rise
         self.area = gather_area(data.points, data.starts, data.span, self.place, plane, self.scratch.work)
         return self

@@ -115,7 +115,9 @@ def look_around(
     if limits.is_vertical > 0.0:
         east, north = 0.0, 0.0
     noise, usual = floor_near(data.facets, data.span, place[0], place[1], (east, north), plane)
-    floor, own = LocalFloor(plane, noise, east, north, usual), limits_at(data, place, usual, limits)
+    scanner = usual if data.near_road[box_cell_at(data.span, place[0], place[1])] else 0.0
+    floor = LocalFloor(plane, noise, east, north, usual, scanner)
+    own = limits_at(data, place, usual, limits)
     rise, share = -1.0, 0.0
     if noise >= 0.0 and noise > roughness_limit(usual, own.most_noise):
         return BOX_NO_ROAD, Around(floor, own, slopes, rise, share)
@@ -137,7 +139,7 @@ def box_in_cell(
     plane, noise = floor.plane, floor.noise
     why, is_shadow = BOX_ALL_ROAD, False
     if may_be_kerb(floor, (slopes, rise), limits):
-        most = points_in_noise(floor.usual, ENOUGH_POINTS)
+        most = points_in_noise(floor.scanner, ENOUGH_POINTS)
         area = gather_area(data.points, data.starts, data.span, place, plane, scratch.work, AREA_POINTS, most)
         why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, scratch, box)
         # Beyond a kerb's shadow the floor begins anew: that is no edge of it

@@ -144,7 +144,7 @@ def may_be_kerb(floor: LocalFloor, around: tuple[FloatArray, float], limits: Flo
     slopes, rise = around
     size = np.hypot(slopes[FIELD_HEIGHT, SLOPE_EAST], slopes[FIELD_HEIGHT, SLOPE_NORTH])
     # Half of the step's slope, where it is off the middle of the disc
-    least = 0.5 * max(limits.least_step, LEAST_CLEAR_KERB * own_roughness(floor.noise, floor.usual))
+    least = 0.5 * max(limits.least_step, LEAST_CLEAR_KERB * own_roughness(floor.noise, floor.scanner))
     steady = size * AREA_M >= STEP_SLOPE_SHARE * least and slopes[FIELD_HEIGHT, SLOPE_SHARE] >= KERB_EXPLAINED
     return bool(rise >= least and (rise >= CLIP_M or steady))
 
@@ -184,7 +184,7 @@ def kerb_in_cell(
     usual_m = half_u = HALF_LENGTH_M * scale
     why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
-    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
+    most = points_in_noise(floor.scanner, MOST_PLACE_POINTS)
     is_again = data.near_road[box_cell_at(data.span, x, y)] and not is_rougher(floor.noise, floor.usual)
     while is_again and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
         half_u *= 2.0
@@ -257,7 +257,7 @@ def kerb_in_window(
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
     plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     radius = np.hypot(half_u, AREA_M * scale) if is_long else AGAIN_M * scale
-    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
+    most = points_in_noise(floor.scanner, MOST_PLACE_POINTS)
     n = gather_at(data.points, data.starts, data.span, (x + mx, y + my), radius, plane, most, work)
     if not measure_seen_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
@@ -368,9 +368,9 @@ def is_kerb(
     level = np.hypot(tilt_x, tilt_y) <= limits.steepest + h / STEP_IN_SLOPE
     # The grass of a verge is as high as it is rough; behind a kerb it is allowed, if the kerb stands out of it
     grass = is_rougher(step[STEP_NOISE_TOP], step[STEP_NOISE])
-    stone = STONE_CLEAR * own_roughness(step[STEP_NOISE_TOP], floor.usual)
+    stone = STONE_CLEAR * own_roughness(step[STEP_NOISE_TOP], floor.scanner)
     least = max(
-        LEAST_CLEAR_KERB * own_roughness(step[STEP_NOISE], floor.usual),
+        LEAST_CLEAR_KERB * own_roughness(step[STEP_NOISE], floor.scanner),
         GRASS_CLEAR * step[STEP_NOISE_TOP] if grass else stone,
         HEIGHT_SIGMAS * step[STEP_SIGMA_H],
     )

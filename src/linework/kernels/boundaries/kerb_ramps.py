@@ -153,7 +153,7 @@ def ramp_in_cell(
         return why
     frame = -east / size, -north / size
     usual_m = half_u = HALF_LENGTH_M * scale
-    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
+    most = points_in_noise(floor.scanner, MOST_PLACE_POINTS)
     while half_u <= max(usual_m, LONGEST_HALF_M):
         radius = np.hypot(half_u, AREA_M * scale)
         if half_u > usual_m and count_near(data.starts, data.span, place, radius) > most:
@@ -185,7 +185,7 @@ def ramp_instead(
     half_u = HALF_LENGTH_M * scale
     radius = np.hypot(half_u, AREA_M * scale)
     frame = -box[BOX_UY], box[BOX_UX]
-    most = points_in_noise(floor.usual, ENOUGH_POINTS)
+    most = points_in_noise(floor.scanner, ENOUGH_POINTS)
     n = gather_at(data.points, data.starts, data.span, place, AREA_M * scale, floor.plane, most, scratch.work)
     step = PROFILE_BIN_M * scale
     # In the step's own direction, for in another one a step is a ramp; with its foot before that of the step
@@ -221,8 +221,8 @@ def _ramp_over(
     work, sums, step = scratch
     scale, half_u, radius = window
     x, y = place
-    most = points_in_noise(floor.usual, MOST_PLACE_POINTS)
-    usual = points_in_noise(floor.usual, ENOUGH_POINTS)
+    most = points_in_noise(floor.scanner, MOST_PLACE_POINTS)
+    usual = points_in_noise(floor.scanner, ENOUGH_POINTS)
     wanted = usual if half_u <= HALF_LENGTH_M * scale else most
     n = gather_at(data.points, data.starts, data.span, place, radius, floor.plane, wanted, work)
     first, share, plane = np.zeros(RAMP_COLUMNS), np.zeros(COVER_COLUMNS), floor.plane.copy()

@@ -74,8 +74,10 @@ SIDE_POINTS = 10
 #: Smallest clearness: twice the log likelihood ratio that two more spreads and two more levels reach by chance once in
 #: 10 000 places.
 CLEAR_SPLIT = 24.0
-#: Bins that are checked together for one brightness, the fewest points of them, and how many lie on one side at most.
-STEADY_BINS, STEADY_POINTS, N_LEVELS = 5, 3.0, 8
+#: Bins that are checked together for one brightness, and the fewest points of them.
+STEADY_BINS, STEADY_POINTS = 5, 3.0
+#: Widest and narrowest paint along a pavement [m, bins], and bins beside it that are to be darker, the first of them smeared.
+WIDEST_EDGE_LINE_M, NARROW_BINS, BORDER_BINS = 0.30, 3, 3
 #: Turns at which a strip of road between paint and a verge may show [rad]; its least width [m]; and the standard deviations
 #: by which its brightness is clearly that of the road.
 STRIP_TURNS = np.deg2rad(np.arange(-16.0, 17.0, 4.0))
@@ -135,41 +137,50 @@ def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def stripe_before(sums: FloatArray, k: int, beyond: float, levels: FloatArray) -> tuple[bool, int, int]:
-    """Return whether one brightness lies before bin k, but for a stripe of paint at most, and the bins of the stripe.
+def stripe_in(sums: FloatArray, step: float) -> tuple[int, int]:
+    """Return the bins (first, last + 1) of a stripe of paint in a profile; (0, 0) where there is none.
 
-    Paint along a pavement is brighter than pavement and verge: at its border two sides would differ most, one of mixed
-    and one of even brightness. The pavement's level is the median along the profile; what differs from it by more
-    than half of what the brightness `beyond` does is a stripe, which does not touch bin k. sums: as for `is_steady`;
-    levels: (`N_LEVELS`,) scratch.
+    It is the piece of at most `WIDEST_EDGE_LINE_M` that is brighter than the rest by the most of its spread, and darker on
+    both sides. Paint along a pavement is brighter than pavement and verge: at its border two sides would differ most, one
+    of mixed and one of even brightness. Parameters as for `split_in`.
     """
-    n_levels = 0
-    for b in range(k, N_PROFILE_BINS, STEADY_BINS):
-        a = min(b + STEADY_BINS, N_PROFILE_BINS)
-        n = sums[a, BIN_N] - sums[b, BIN_N]
-        if n >= STEADY_POINTS and n_levels < N_LEVELS:
-            levels[n_levels] = (sums[a, BIN_I] - sums[b, BIN_I]) / n
-            n_levels += 1
-    base, first, last = np.median(levels[: max(n_levels, 1)]), 0, 0
-    for b in range(k, N_PROFILE_BINS, STEADY_BINS):
-        a = min(b + STEADY_BINS, N_PROFILE_BINS)
-        n = sums[a, BIN_N] - sums[b, BIN_N]
-        off = abs((sums[a, BIN_I] - sums[b, BIN_I]) / max(n, 1.0) - base)
-        if n >= STEADY_POINTS and off > 0.5 * abs(beyond - base):
-            first, last = first or b, a
-    return n_levels > 0 and first != k and last - first <= WIDE_BINS, first, last
+    n = sums[N_PROFILE_BINS, BIN_N] - sums[FAR_BIN, BIN_N]
+    bright = sums[N_PROFILE_BINS, BIN_I] - sums[FAR_BIN, BIN_I]
+    most, first, last = 0.0, 0, 0
+    for i in range(FAR_BIN + BORDER_BINS, N_PROFILE_BINS - BORDER_BINS - NARROW_BINS + 1):
+        n_i, bright_i = sums[i, BIN_N], sums[i, BIN_I]
+        widest = min(i + int(WIDEST_EDGE_LINE_M / step) + 1, N_PROFILE_BINS - BORDER_BINS)
+        for j in range(i + NARROW_BINS, widest + 1):
+            m, inside = sums[j, BIN_N] - n_i, sums[j, BIN_I] - bright_i
+            off = n * inside - m * bright
+            if off <= 0.0 or m < STEADY_POINTS or m >= n or off * off <= most * m * (n - m):
+                continue
+            middle = 0.5 * (inside / m + (bright - inside) / (n - m))
+            if _is_darker(sums, i - BORDER_BINS, middle) and _is_darker(sums, j + 1, middle):
+                most, first, last = off * off / (m * (n - m)), i, j
+    # Its borders are smeared
+    return (first - 1, last + 1) if first > 0 else (0, 0)
 
 
 @njit(cache=True, nogil=True)
-def brightness_gain(sums: FloatArray, k: int, beyond: float, levels: FloatArray) -> tuple[float, float]:
+def _is_darker(sums: FloatArray, k: int, level: float) -> bool:
+    """Return whether the bins beside a stripe's border, from bin k on, hold points and are darker than a level."""
+    count = sums[k + BORDER_BINS - 1, BIN_N] - sums[k, BIN_N]
+    return bool(count > 0.0 and sums[k + BORDER_BINS - 1, BIN_I] - sums[k, BIN_I] < level * count)
+
+
+@njit(cache=True, nogil=True)
+def brightness_gain(sums: FloatArray, k: int, beyond: float, stripe: tuple[int, int]) -> tuple[float, float]:
     """Return how much clearer two levels of brightness are than one that slopes, and the level before bin k.
 
-    A stripe of paint before bin k is left out; with more than that the gain is zero. Parameters as for `stripe_before`.
+    A stripe of paint before bin k is left out. beyond: the brightness beyond bin k; stripe: see `stripe_in`; sums: as for
+    `split_in`.
     """
-    is_one, first, last = stripe_before(sums, k, beyond, levels)
+    first, last = stripe if stripe[1] > k else (0, 0)
+    first = max(first, k) if first > 0 else 0
     n, n_b = _beyond(sums, first, last, BIN_N), sums[k, BIN_N] - sums[FAR_BIN, BIN_N]
     n_a = n - n_b
-    if not is_one or n_a < SIDE_POINTS:
+    if n_a < SIDE_POINTS:
         return 0.0, beyond
     i_b, ii_b = sums[k, BIN_I] - sums[FAR_BIN, BIN_I], sums[k, BIN_II] - sums[FAR_BIN, BIN_II]
     level = (_beyond(sums, first, last, BIN_I) - i_b) / n_a
@@ -178,6 +189,15 @@ def brightness_gain(sums: FloatArray, k: int, beyond: float, levels: FloatArray)
     before = (_beyond(sums, first, last, BIN_II) - ii_b) / n_a - level * level
     before = max(before, 0.0) + least_bright_variance(level)
     behind = max(ii_b / n_b - beyond * beyond, 0.0) + least_bright_variance(beyond)
+    # Paint at an angle to the profile is smeared over it
+    for b in range(k, N_PROFILE_BINS, STEADY_BINS):
+        a = min(b + STEADY_BINS, N_PROFILE_BINS)
+        count = sums[a, BIN_N] - sums[b, BIN_N]
+        if count < STEADY_POINTS or (a > first and b < last):
+            continue
+        off = abs((sums[a, BIN_I] - sums[b, BIN_I]) / count - level)
+        if off > 0.5 * abs(beyond - level) and off > CLEARLY * np.sqrt(min(before, behind) / count):
+            return 0.0, beyond
     gain = n * np.log(sloping_variance(sums, first, last)) - n_a * np.log(before) - n_b * np.log(behind)
     return float(gain), float(level)
 
@@ -241,7 +261,7 @@ def split_in(
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    i, levels = sloping_variance(sums, 0, 0), np.zeros(N_LEVELS)
+    i, stripe = sloping_variance(sums, 0, 0), stripe_in(sums, step) if by == BY_BOTH else (0, 0)
     for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
         n_a, r_a, i_a, z_a, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
@@ -258,7 +278,7 @@ def split_in(
             if stride > 1 and gain < 0.5 * CLEAR_SPLIT:
                 continue
             if by == BY_BOTH:
-                brighter, level = brightness_gain(sums, k, b_b, levels)
+                brighter, level = brightness_gain(sums, k, b_b, stripe)
                 gain, contrast = gain + brighter, b_b / max(level, 1e-6)
         # One brightness there and another here, not a stripe of paint on one side
         elif (

@@ -120,6 +120,9 @@ class LocalFloor(NamedTuple):
         Slopes of the road to the east and to the north, over 3 m. [m/m]
     usual
         Noise of the smoothest floors nearby. [m]
+    scanner
+        What of its noise the scanner adds: that of the smoothest floors at a road, which are pavement; elsewhere, where
+        all floors may be soil or grass, 0. [m]
     """
 
     plane: FloatArray
@@ -127,6 +130,7 @@ class LocalFloor(NamedTuple):
     east: float
     north: float
     usual: float
+    scanner: float
 
 
 class PlaceScratch(NamedTuple):

@@ -40,9 +40,6 @@ SCALES = np.array([1.0, 1.5, 2.5])
 #: Points that a search area is to hold.
 AREA_POINTS = 60
 
-#: Least height of a kerb, in noise of its floor: grass is lower.
-LEAST_CLEAR_STEP = 1.5
-
 #: Noise of a floor against the smoothest around it, at most [ratio]: a rough spot or a far scanner adds to it. Noise
 #: that any floor may have: fresh asphalt under a fair scanner [m].
 ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
@@ -130,12 +127,12 @@ def roughness_limit(usual: float, most_noise: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def points_in_noise(usual: float, most: int) -> int:
-    """Return how many points of a place are used: `most` where the smoothest floors are as even as `SMOOTH_FLOOR_M`.
+def points_in_noise(scanner: float, most: int) -> int:
+    """Return how many points of a place are used: `most`, and up to 8 times as many under a noisy scanner.
 
-    A step shows as clearly under more noise where the points grow with its variance, `usual` squared [m2].
+    A step shows as clearly under more noise where the points grow with its variance, `scanner` squared [m2].
     """
-    return int(most * min(max((usual / SMOOTH_FLOOR_M) ** 2, 1.0), MOST_MORE_POINTS))
+    return int(most * min(max((scanner / SMOOTH_FLOOR_M) ** 2, 1.0), MOST_MORE_POINTS))
 
 
 @njit(cache=True, nogil=True)
@@ -145,9 +142,9 @@ def is_rougher(rough: float, smooth: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def own_roughness(noise: float, usual: float) -> float:
-    """Return the roughness of a surface without the scanner's noise, that of the smoothest floors around it [m]."""
-    return float(np.sqrt(max(noise**2 - usual**2, 0.0)))
+def own_roughness(noise: float, scanner: float) -> float:
+    """Return the roughness of a surface without what the scanner adds to its noise [m]."""
+    return float(np.sqrt(max(noise**2 - scanner**2, 0.0)))
 
 
 @njit(cache=True, nogil=True)

@@ -190,11 +190,10 @@ def find_paint(now: Joining) -> Joining:
     """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
     kerbs, config = axes_of_lines(now.kerbs), now.config
     # A stripe that reaches behind the foot lies on gutter and kerb stone, however far in front its middle is
+    reach_m = np.maximum(ON_FOOT_M, now.boxes[BoxForm.STRIPE].half_v_m - ON_FOOT_M)
     on_stone = {
-        form: beside_kerb(
-            now.boxes[form], kerbs, -KERB_STONE_M, np.maximum(ON_FOOT_M, now.boxes[form].half_v_m - ON_FOOT_M)
-        )
-        for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
+        BoxForm.STRIPE: beside_kerb(now.boxes[BoxForm.STRIPE], kerbs, -KERB_STONE_M, reach_m),
+        BoxForm.OTHER_PAINT: beside_kerb(now.boxes[BoxForm.OTHER_PAINT], kerbs, -KERB_STONE_M, ON_FOOT_M),
     }
     stripes, blobs = (now.boxes[form].take(~yes) for form, yes in on_stone.items())
     # A strip that is no paint joins no line, and speaks against one that should have paint in its place

@@ -297,7 +297,7 @@ def formed_stretches(
 
 
 def _nearest_names(names: AnyArray, at: IntArray, n: int) -> AnyArray:
-    """Return what the nearest windows at `at` (k,) of nodes 0 to n - 1 show, (n,); half-way between two, rather something.
+    """Return what the windows `at` (k,) nearest to nodes 0 to n - 1 show, (n,); of two as near, the one that shows something.
 
     >>> _nearest_names(np.array(["", "fence", ""]), np.array([1, 5, 9]), 10).tolist()
     ['', '', '', 'fence', 'fence', 'fence', 'fence', 'fence', '', '']

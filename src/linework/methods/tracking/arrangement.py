@@ -66,7 +66,7 @@ def beside_kerb(
 ) -> BoolArray:
     """Return which boxes lie beside a kerb, (n,) bool: between two offsets [m] from its foot, positive on the road.
 
-    to_m: of all boxes, or (n,) of each.
+    to_m: of all boxes, or (n,) of each, whatever the others are.
     """
     out = np.zeros(len(boxes), dtype=np.bool_)
     if not kerbs or len(boxes) == 0:
@@ -74,9 +74,9 @@ def beside_kerb(
     xy = np.concatenate([c.xy for c in kerbs])
     normal = np.concatenate([c.normal for c in kerbs])
     to_m = np.broadcast_to(to_m, len(boxes))
-    reach = float(np.hypot(max(abs(from_m), np.abs(to_m).max()), _BESIDE_STATIONS * AXIS_STATION_M))
-    distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=reach)
-    near = np.isfinite(distance)
+    reach = np.hypot(np.maximum(abs(from_m), np.abs(to_m)), _BESIDE_STATIONS * AXIS_STATION_M)
+    distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=float(reach.max()))
+    near = distance < reach
     step = boxes.centre[near, :2] - xy[nearest[near]]
     across = np.sum(step * normal[nearest[near]], axis=1)
     out[near] = (across > from_m) & (across < to_m[near])
