@@ -62,7 +62,7 @@ def test_an_edge_line_is_not_the_end_of_a_pavement_beside_a_darker_verge(gap_m, 
     found = [
         edge_of(area(seed, paint_m=(gap_m, gap_m + width_m), verge=2600.0, spread=0.15)) for seed in range(6)
     ]
-    # The old measure lay at the paint's border: at the gap
+    # With the paint counted, the edge would lie at its border, as far off as the gap is wide
     assert abs(np.median(found)) < 0.04
 
 

@@ -1,6 +1,8 @@
 """Tasks in processes that die, hang and fail: each costs its own task, by name."""
 
+import ctypes
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -273,3 +275,18 @@ def test_a_survey_of_one_tile_gets_threads_unless_own_code_is_called():
     for n_workers, own, kind in ((2, False, Threads), (2, True, Serial), (1, False, Serial)):
         with executor_for(few, n_workers, RunSettings(), has_own_code=own) as executor:
             assert type(executor) is kind
+
+
+def test_a_thread_that_is_stopped_while_it_ends_says_nothing():
+    ending = executors._Ending(threading.Lock(), set())
+    queues = queue.SimpleQueue(), queue.SimpleQueue()
+    thread = threading.Thread(target=executors._do_tasks, args=(abs, *queues, ending))
+    with ending.lock:
+        thread.start()
+        # It has no task, and waits to say that it ends
+        thread.join(0.2)
+        stopped = ctypes.c_ulong(thread.ident), ctypes.py_object(executors._StoppedError)
+        assert ctypes.pythonapi.PyThreadState_SetAsyncExc(*stopped) == 1
+    # An exception that it left unhandled would be a warning, so a failure
+    thread.join()
+    assert queues[1].empty()

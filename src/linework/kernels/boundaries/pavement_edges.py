@@ -140,9 +140,9 @@ def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
 def stripe_in(sums: FloatArray, step: float) -> tuple[int, int]:
     """Return the bins (first, last + 1) of a stripe of paint in a profile; (0, 0) where there is none.
 
-    It is the piece of at most `WIDEST_EDGE_LINE_M` that is brighter than the rest by the most of its spread, and darker on
-    both sides. Paint along a pavement is brighter than pavement and verge: at its border two sides would differ most, one
-    of mixed and one of even brightness. Parameters as for `split_in`.
+    It is the bright piece of at most `WIDEST_EDGE_LINE_M` that explains most of the profile's spread of brightness and has
+    darker ground on both sides. Paint along a pavement is brighter than pavement and verge: at its border two sides would
+    differ most, one of mixed and one of even brightness. Parameters as for `split_in`.
     """
     n = sums[N_PROFILE_BINS, BIN_N] - sums[FAR_BIN, BIN_N]
     bright = sums[N_PROFILE_BINS, BIN_I] - sums[FAR_BIN, BIN_I]
@@ -391,7 +391,7 @@ def sharpen_split(
 def _sharpen_split(
     work: FloatArray, n: int, first: FloatArray, scale: float, by: int, sums: FloatArray, out: FloatArray
 ) -> bool:
-    """Sharpen a split as `sharpen_split` does, by the evidence that it is given, without the scanner's shadow."""
+    """Sharpen a split as `sharpen_split` does, by the evidence that it is given."""
     step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
     out[EDGE_VX], out[EDGE_VY], out[EDGE_CLEAR] = first[EDGE_VX], first[EDGE_VY], 0.0

@@ -66,7 +66,7 @@ def beside_kerb(
 ) -> BoolArray:
     """Return which boxes lie beside a kerb, (n,) bool: between two offsets [m] from its foot, positive on the road.
 
-    to_m: of all boxes, or (n,) of each, whatever the others are.
+    to_m: one for all boxes, or (n,), one for each.
     """
     out = np.zeros(len(boxes), dtype=np.bool_)
     if not kerbs or len(boxes) == 0:
