@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.kernels.boundaries.kerb_sides import measure_seen_step
+from linework.kernels.boundaries.kerb_sides import EDGE_NEAR_BINS, edge_before_shadow, measure_seen_step
 from linework.kernels.boundaries.kerb_steps import (
     CLEAREST_COLUMNS,
     STEP_COLUMNS,
@@ -104,3 +104,42 @@ def test_the_height_over_a_hidden_foot_is_as_sure_as_it_says():
     assert len(known) >= 30
     ratio = (known[:, STEP_HEIGHT] - KERB_M) / known[:, STEP_SIGMA_H]
     assert 0.5 <= np.sqrt(np.mean(ratio**2)) <= 1.5
+
+
+def edge_found(work, v_m, turn_deg=0.0):
+    """Return v [m], the direction [degrees] and sigma [m] of the edge of a pavement that was found at v_m, turned by turn_deg."""
+    turn = np.deg2rad(turn_deg)
+    vx, vy, v, sigma = edge_before_shadow(
+        work, len(work), (-np.sin(turn), np.cos(turn)), v_m, (1.0, 0.5), EDGE_NEAR_BINS
+    )
+    return v, np.rad2deg(np.arctan2(-vx, vy)), sigma
+
+
+def test_an_edge_lies_where_the_shadow_of_the_pavement_begins():
+    # A verge 0.10 m lower, and 0.10 x 5 / 2.4 = 0.21 m of it hidden
+    seen = [place(seed, lambda v: np.where(v < 0.0, -0.10, 0.0), seen_from_m=5.0) for seed in range(8)]
+    for turn_deg in (0.0, 15.0, -15.0):
+        v, direction, sigma = np.transpose([edge_found(work, -0.10, turn_deg) for work in seen])
+        assert np.all(sigma > 0.0)
+        assert np.all(np.abs(v) <= 0.03)
+        assert np.all(np.abs(direction) <= 7.0)
+        assert np.sqrt(np.mean((v / sigma) ** 2)) < 1.5
+
+
+def test_a_pavement_as_high_as_its_verge_has_no_shadow():
+    found = [
+        edge_found(place(seed, np.zeros_like, seen_from_m=5.0), v)[2]
+        for seed in range(20)
+        for v in (-0.1, 0.1)
+    ]
+    assert np.count_nonzero(found) <= 2
+
+
+def test_gaps_between_rows_of_points_are_no_shadow():
+    rng = np.random.default_rng(4)
+    v = np.repeat(np.arange(-0.7, 0.71, 0.2), 60)
+    work = np.column_stack(
+        [rng.uniform(-0.8, 0.8, len(v)), v, rng.normal(0.0, 0.003, len(v)), np.ones(len(v))]
+    )
+    work[:, 1] += rng.normal(0.0, 0.01, len(v))
+    assert edge_found(work, 0.0)[2] == edge_found(work, -0.1)[2] == 0.0

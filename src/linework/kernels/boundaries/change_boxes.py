@@ -28,6 +28,7 @@ from linework.kernels.boundaries.ground_changes import (
     best_change,
     settle_change,
 )
+from linework.kernels.boundaries.kerb_sides import EDGE_NEAR_BINS, edge_before_shadow
 from linework.kernels.boundaries.profiles import (
     CHORD_SLACK_M,
     CLEAR_M,
@@ -161,7 +162,15 @@ def change_in_cell(
         return BOX_ALL_ROAD
     if not settle_change(work, n, scale, sums, first, change):
         return BOX_NO_ROAD
-    vx, vy, v = change[CHANGE_VX], change[CHANGE_VY], change[CHANGE_V]
+    vx, vy, v, sigma = edge_before_shadow(
+        work,
+        n,
+        (change[CHANGE_VX], change[CHANGE_VY]),
+        change[CHANGE_V],
+        (scale, HALF_LENGTH_M * scale),
+        EDGE_NEAR_BINS,
+    )
+    sigma = sigma if sigma > 0.0 else change[CHANGE_SIGMA]
     low, high = chord_in_cell(mx + v * vx, my + v * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
@@ -177,7 +186,7 @@ def change_in_cell(
     box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * v
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = 0.5 * BOX_CELL_M * scale
-    box[S_V], box[S_U] = change[CHANGE_SIGMA], change[CHANGE_SIGMA] / (UNIFORM_SIGMA * scale)
+    box[S_V], box[S_U] = sigma, sigma / (UNIFORM_SIGMA * scale)
     box[S_Z] = 2.0 * noise / np.sqrt(count)
     box[SCORE] = 1.0 - np.exp(-change[CHANGE_GAIN] / GAIN_SCALE)
     box[FORM], box[BOX_STEP], box[TOP_V] = CHANGE, change[CHANGE_STEP], np.nan

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
+from linework.kernels.boundaries.kerb_sides import EDGE_NEAR_BINS, edge_before_shadow
 from linework.kernels.boundaries.pavement_edges import (
     BRIGHTER,
     BY_BOTH,
@@ -30,7 +31,6 @@ from linework.kernels.boundaries.pavement_edges import (
     EDGE_V,
     EDGE_VX,
     EDGE_VY,
-    FAR_BIN,
     ROUGHER,
     SIDE_POINTS,
     best_split,
@@ -38,7 +38,6 @@ from linework.kernels.boundaries.pavement_edges import (
 )
 from linework.kernels.boundaries.profiles import (
     AGAIN_M,
-    BIN_N,
     CLEAR_M,
     FLOOR_SOFT,
     FLOOR_WIDTH_M,
@@ -46,20 +45,14 @@ from linework.kernels.boundaries.profiles import (
     LEAST_BOX_M,
     LEAST_CHORD_M,
     MOST_PLACE_POINTS,
-    N_PROFILE_BINS,
-    PLACE_R,
-    PLACE_X,
-    PLACE_Y,
     PLANE_EAST,
     PLANE_HEIGHT,
     PLANE_NORTH,
-    PROFILE_BIN_M,
     UNIFORM_SIGMA,
     FloorCells,
     FloorLimits,
     LocalFloor,
     PlaceScratch,
-    bin_sums_across,
     fit_side,
     gather_at,
 )
@@ -109,11 +102,6 @@ VERGE_M = 0.005
 VERGE_SHARE = 0.8
 #: An edge is sought as far as this beyond its cell, where it is measured again. [m]
 EDGE_SLACK_M = 0.10
-#: A scanner's shadow holds less than this share of the usual points, where at least this many are expected; and the
-#: standard deviation of the pavement's edge from a straight line [m].
-SHADOW_SHARE, SHADOW_POINTS, SHADOW_SIGMA_M = 0.3, 2.0, 0.01
-#: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
-N_LAST = 4
 
 
 @njit(cache=True, nogil=True)
@@ -175,8 +163,10 @@ def edge_in_cell(
     )
     if not sharpen_split(work, n, first, scale, BY_BOTH if by == BY_ROUGHNESS else BY_BRIGHTNESS, sums, edge):
         return BOX_ALL_ROAD
-    _out_of_shadow(work, n, scale, sums, edge)
-    vx, vy, v = edge[EDGE_VX], edge[EDGE_VY], edge[EDGE_V]
+    vx, vy, v, sigma = edge_before_shadow(
+        work, n, (edge[EDGE_VX], edge[EDGE_VY]), edge[EDGE_V], (scale, HALF_LENGTH_M * scale), EDGE_NEAR_BINS
+    )
+    sigma = sigma if sigma > 0.0 else edge[EDGE_SIGMA]
     low, high = chord_in_cell(mx + v * vx, my + v * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
@@ -192,7 +182,7 @@ def edge_in_cell(
     box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * v
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = 0.5 * BOX_CELL_M * scale
-    box[S_V], box[S_U] = edge[EDGE_SIGMA], edge[EDGE_SIGMA] / (UNIFORM_SIGMA * scale)
+    box[S_V], box[S_U] = sigma, sigma / (UNIFORM_SIGMA * scale)
     box[S_Z] = 2.0 * noise / np.sqrt(count)
     clear = 1.0 - np.exp(-edge[EDGE_CLEAR] / (4.0 * CLEAR_SPLIT))
     box[SCORE] = clear if by == BY_ROUGHNESS else 0.5 * clear
@@ -208,49 +198,3 @@ def _is_edge(edge: FloatArray, by: int, most: float) -> bool:
     rougher = by == BY_ROUGHNESS and rough >= ROUGHER * smooth and rough**2 - smooth**2 >= VERGE_M**2
     verge = (rougher or contrast >= BRIGHTER) and rough <= VERGE_SHARE * ROUGHEST_M
     return bool(verge and smooth <= most and abs(edge[EDGE_STEP]) <= VERGE_STEP_M)
-
-
-@njit(cache=True, nogil=True)
-def _out_of_shadow(work: FloatArray, n: int, scale: float, sums: FloatArray, out: FloatArray) -> None:
-    """Move an edge (11,) that lies in the scanner's shadow to the last points of the pavement.
-
-    Behind an edge above a lower verge lies the scanner's shadow: the change may be anywhere in it, but the edge is
-    where it begins.
-    """
-    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
-    bin_sums_across(work, n, out[EDGE_VX], out[EDGE_VY], half_u, step, sums)
-    points = sums[:, BIN_N]
-    usual = (points[N_PROFILE_BINS] - points[N_PROFILE_BINS // 2]) / (N_PROFILE_BINS // 2)
-    k = int(np.floor(out[EDGE_V] / step)) + N_PROFILE_BINS // 2
-    for j in (k - 1, k + 1):
-        if points[j + 1] - points[j] < points[k + 1] - points[k]:
-            k = j
-    if points[k + 1] - points[k] >= SHADOW_SHARE * usual:
-        return
-    first = k
-    while first > FAR_BIN and points[first] - points[first - 1] < SHADOW_SHARE * usual:
-        first -= 1
-    while k < N_PROFILE_BINS - 1 and points[k + 1] - points[k] < SHADOW_SHARE * usual:
-        k += 1
-    # Where few points are expected, their absence may be chance
-    if (k - first) * usual < SHADOW_POINTS:
-        return
-    # From the fourth last point on, by the average distance to the edge beyond it
-    begin = (k - 0.5 * N_PROFILE_BINS) * step
-    last = np.full(N_LAST, begin + 4.0 * step)
-    for i in range(n):
-        x, y = work[i, PLACE_X], work[i, PLACE_Y]
-        v = x * out[EDGE_VX] + y * out[EDGE_VY]
-        if (
-            v < begin
-            or abs(x * out[EDGE_VY] - y * out[EDGE_VX]) > half_u
-            or abs(work[i, PLACE_R]) > ROUGHEST_M
-        ):
-            continue
-        for j in range(N_LAST):
-            nearer = min(last[j], v)
-            v = max(last[j], v)
-            last[j] = nearer
-    spacing = step / max(usual, 0.5)
-    out[EDGE_V] = last[N_LAST - 1] - (N_LAST - 0.5) * spacing
-    out[EDGE_SIGMA] = 2.0 * spacing + SHADOW_SIGMA_M

@@ -13,6 +13,8 @@ from linework.kernels.boundaries.kerb_steps import (
     CLEAREST_VX,
     CLEAREST_VY,
     FACE_POINTS_LEAST,
+    LEAN,
+    LEAN_SIGMA,
     SMALLEST_STEP_M,
     STEP_FLOOR_A,
     STEP_FLOOR_B,
@@ -22,12 +24,19 @@ from linework.kernels.boundaries.kerb_steps import (
     STEP_N_FACE,
     STEP_NOISE,
     STEP_SHADOW,
+    STEP_SIGMA_V,
     STEP_TOP,
     STEP_VX,
     STEP_VY,
     measure_step,
 )
-from linework.kernels.boundaries.profiles import CLIP_M, PLACE_R, PLACE_X, PLACE_Y, PROFILE_BIN_M
+from linework.kernels.boundaries.profiles import (
+    CLIP_M,
+    PLACE_R,
+    PLACE_X,
+    PLACE_Y,
+    PROFILE_BIN_M,
+)
 
 #: Columns of how far the evidence of a step extends: shares of the floor's and the top's width with points; lowest and
 #: highest u with points of both [m]; share of the quarters along u with points of both.
@@ -50,6 +59,18 @@ SHADOW_TURNS = (np.deg2rad(np.arange(-40.0, 41.0, 8.0)), np.deg2rad(np.arange(-6
 #: Largest share of the usual points in 10 cm of a profile that crosses a shadow: 0.2 m of shadow over 1 m, 20 degrees
 #: askew, leaves half of them. [ratio]
 SPARSE = 0.6
+#: A scanner's shadow behind an edge holds less than this share of the usual points; standard deviation of an edge from a
+#: straight line [m].
+SHADOW_SHARE, SHADOW_SIGMA_M = 0.3, 0.01
+#: Bins within which the shadow lies of where heights change, and brightness or roughness, which vary by themselves.
+STEP_NEAR_BINS, EDGE_NEAR_BINS = 1, 3
+#: How unlikely so few points are by chance, as a logarithm: along the direction found, at seven places, one in ten has
+#: so few (exp(-4)); along a hundred places and directions, one in thirty (exp(-8)).
+SHADOW_SURPRISE, TURNED_SURPRISE = 4.0, 8.0
+#: Directions tried about that of an edge: what tells its sides apart leaves its direction open by this much. [rad]
+TURNS_IN_SHADOW = (np.deg2rad(np.arange(-24.0, 25.0, 8.0)), np.deg2rad(np.arange(-6.0, 7.0, 2.0)))
+#: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
+N_LAST = 4
 
 
 @njit(cache=True, nogil=True)
@@ -63,6 +84,8 @@ def measure_seen_step(
     frame = first[CLEAREST_VX], first[CLEAREST_VY]
     vx, vy, edge, shadow = shadow_behind(work, n, frame, (scale, half_u))
     if shadow == 0.0:
+        if is_measured:
+            _before_shadow(work, n, first, scale, half_u, out)
         return is_measured
     turned, plain = first.copy(), out.copy()
     turned[CLEAREST_VX], turned[CLEAREST_VY] = vx, vy
@@ -70,6 +93,29 @@ def measure_seen_step(
         return True
     out[:] = plain
     return is_measured
+
+
+@njit(cache=True, nogil=True)
+def _before_shadow(
+    work: FloatArray, n: int, first: FloatArray, scale: float, half_u: float, out: FloatArray
+) -> None:
+    """Move a step (19,) without a face to the last points of its top, where points are missing behind them.
+
+    Parameters as for `measure_step`.
+    """
+    vx, vy = out[STEP_VX], out[STEP_VY]
+    middle = 0.5 * (out[STEP_FOOT] + out[STEP_TOP])
+    vx, vy, v, sigma = edge_before_shadow(work, n, (-vx, -vy), -middle, (scale, half_u), STEP_NEAR_BINS)
+    if sigma == 0.0:
+        return
+    turned, plain = first.copy(), out.copy()
+    turned[CLEAREST_VX], turned[CLEAREST_VY] = -vx, -vy
+    if not measure_step(work, n, turned, (0.0, 0.0), scale, half_u, out):
+        out[:] = plain
+        return
+    out[STEP_VX], out[STEP_VY] = -vx, -vy
+    out[STEP_TOP], out[STEP_FOOT] = -v, LEAN * out[STEP_HEIGHT] - v
+    out[STEP_SIGMA_V] = np.hypot(sigma, 0.5 * out[STEP_HEIGHT] * LEAN_SIGMA)
 
 
 @njit(cache=True, nogil=True)
@@ -236,3 +282,93 @@ def filled_shares(
     share[COVER_FLOOR], share[COVER_TOP] = np.mean(floor_bins), np.mean(top_bins)
     share[COVER_U_LOW], share[COVER_U_HIGH] = max(floor_low, top_low), min(floor_high, top_high)
     share[COVER_BOTH] = np.mean(along_floor * along_top)
+
+
+@njit(cache=True, nogil=True)
+def edge_before_shadow(
+    work: FloatArray, n: int, frame: tuple[float, float], v: float, reach: tuple[float, float], near: int
+) -> tuple[float, float, float, float]:
+    """Return where the ground of positive v ends before a shadow: unit vector v, v and its sigma [m]; sigma 0: none there.
+
+    Behind an edge above a lower verge lies the scanner's shadow. What changes may change anywhere in it and along any line
+    through it, but the edge is where it begins, and runs in the direction in which it is longest.
+
+    Parameters
+    ----------
+    work
+        (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    frame
+        Unit vector v to begin with.
+    v
+        Where the ground changes. [m]
+    reach
+        As for `shadow_behind`.
+    near
+        Number of bins of a profile from v within which the shadow lies.
+    """
+    counts, heights = np.zeros(N_SHADOW_BINS), np.zeros(N_SHADOW_BINS)
+    step = PROFILE_BIN_M * reach[0]
+    at = int(np.floor(-v / step)) + SHADOW_TOP_BINS
+    # The shadow's axis points away from the pavement
+    vx, vy = -frame[0], -frame[1]
+    best, begin = 0, 0
+    for turns in TURNS_IN_SHADOW:
+        x0, y0, sum_x, sum_y = vx, vy, 0.0, 0.0
+        for turn in turns:
+            x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
+            _count_across(work, n, (x, y), reach, counts, heights)
+            is_turned = x != -frame[0] or y != -frame[1]
+            first, length = _sparse_bins(counts, at, near, TURNED_SURPRISE if is_turned else SHADOW_SURPRISE)
+            if length > best:
+                best, begin, sum_x, sum_y = length, first, 0.0, 0.0
+            if length == best and length > 0:
+                # The middle of the directions in which it is as long
+                sum_x, sum_y = sum_x + x, sum_y + y
+        size = np.hypot(sum_x, sum_y)
+        if size > 0.0:
+            vx, vy = sum_x / size, sum_y / size
+    if best == 0:
+        return frame[0], frame[1], v, 0.0
+    # From the fourth last point on, by the average distance to the edge beyond it
+    limit, n_near = (begin - SHADOW_TOP_BINS) * step, 0
+    last = np.full(N_LAST, -np.inf)
+    for i in range(n):
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        away = x * vx + y * vy
+        if away >= limit or abs(x * vy - y * vx) > reach[1] or abs(work[i, PLACE_R]) > CLIP_M:
+            continue
+        n_near += 1 if away >= limit - LEAST_SHADOW_BINS * step else 0
+        for j in range(N_LAST):
+            last[j], away = max(last[j], away), min(last[j], away)
+    if last[N_LAST - 1] == -np.inf:
+        return frame[0], frame[1], v, 0.0
+    spacing = LEAST_SHADOW_BINS * step / max(n_near, 1)
+    edge = last[N_LAST - 1] + (N_LAST - 0.5) * spacing
+    return -vx, -vy, -edge, 2.0 * spacing + SHADOW_SIGMA_M
+
+
+@njit(cache=True, nogil=True)
+def _sparse_bins(counts: FloatArray, at: int, near: int, least: float) -> tuple[int, int]:
+    """Return the first of the longest run of bins about one in which many points are missing, and how many; 0: none.
+
+    least: smallest logarithm of the likelihood of so few points in a shadow over that by chance; without any, it is the
+    number expected.
+    """
+    high = N_SHADOW_BINS
+    while high > at and counts[high - 1] == 0.0:
+        high -= 1
+    low = max(at - SHADOW_TOP_BINS, 0)
+    usual = np.mean(counts[low:at]) if at > low else 0.0
+    first, length, other, run = 0, 0, 0, 0
+    for k in range(low, high):
+        run = run + 1 if counts[k] < SHADOW_SHARE * usual else 0
+        if k - run + 1 > at + near or k < at - near:
+            other = max(other, run)
+        elif run > length:
+            first, length = k - run + 1, run
+    # Where few points are expected, their absence may be chance; rows of points are as far apart elsewhere
+    expected, seen = length * usual, np.sum(counts[first : first + length])
+    surprise = expected - seen + (seen * np.log(seen / expected) if seen > 0.0 else 0.0)
+    if surprise < least or (other > 1 and 2 * other >= length):
+        return 0, 0
+    return first, length

@@ -271,7 +271,7 @@ def keep_consistent(now: Joining) -> Joining:
     edges += left_out(boundaries, "road_boundary", why)
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # What a boundary is called does not change which lines it bears out
-    boundaries = [boundary_lines.form_by_ground(b) for b in boundaries]
+    boundaries = boundary_lines.continued([boundary_lines.form_by_ground(b) for b in boundaries])
     now = with_parallel_edges(replace(now, boundaries=boundaries), edges)
     # Bars and arrows stand alone: paint that runs along a line is a piece of that line
     lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]

@@ -18,7 +18,7 @@ from linework.methods.tracking.arrangement import FACING_M
 from linework.methods.tracking.fitted import LEAST_BOUNDARY_SCORE, SHARED_EDGE
 from linework.methods.tracking.marking_lines import confidence_of
 from linework.methods.tracking.neighbours import LineAxis
-from linework.methods.tracking.smooth import SmoothLine, smooth_line, smooth_value
+from linework.methods.tracking.smooth import SMOOTH_STATION_M, SmoothLine, smooth_line, smooth_value
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
@@ -40,6 +40,10 @@ CHANNEL_IS_EDGE = 0.8
 #: roads are of class A to C, land that is driven over of E to G. The figure is what is left of class D (1024e-6 m3 at 0.1
 #: cycles/m, alike in all directions) in the windows of `linework.kernels.boundaries.evenness`. [m]
 POOR_ROAD_M, CLASSES_APART = 0.0066, 4.0
+#: Pieces of a boundary found by different signs continue each other where each end leads to the other within this much, and
+#: by as much more for a metre between them: the standard deviation of the direction of an end, three times; and where they
+#: overlap by less than a search area is long. [m, -, m]
+END_OFFSET_M, END_TURN, OVERLAP_M = 0.15, 0.1, 1.0
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
@@ -207,6 +211,129 @@ def form_by_ground(boundary: SmoothBoundary) -> SmoothBoundary:
     if boundary.form != FORMS[BoxForm.KERB] or len(measured) == 0 or np.median(measured) < ROUGH_BEHIND:
         return boundary
     return replace(boundary, form=FORMS[BoxForm.EDGE])
+
+
+def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
+    """Return boundaries, those of one form whose ends lead to each other joined into one.
+
+    Notes
+    -----
+    A pavement's edge is a step here and a change of brightness behind the next bush; boxes of each are tracked by
+    themselves. The best pair of ends is joined first, and every end once.
+    """
+    pairs = sorted(
+        (distance, i, j)
+        for i, a in enumerate(boundaries)
+        for j, b in enumerate(boundaries)
+        if i != j and a.form == b.form and (distance := _from_end_to_start(a.line, b.line)) < math.inf
+    )
+    after: dict[int, int] = {}
+    before: dict[int, int] = {}
+    for _, i, j in pairs:
+        if i not in after and j not in before and _last_of(after, j) != i:
+            after[i], before[j] = j, i
+    found = []
+    for i, boundary in enumerate(boundaries):
+        if i not in before:
+            whole, k = boundary, i
+            while k in after:
+                k = after[k]
+                whole = _joined_boundary(whole, boundaries[k])
+            found.append(whole)
+    return found
+
+
+def _last_of(after: dict[int, int], i: int) -> int:
+    """Return the last of the boundaries that follow one."""
+    while i in after:
+        i = after[i]
+    return i
+
+
+def _from_end_to_start(a: SmoothLine, b: SmoothLine) -> float:
+    """Return how far the end of a is from the start of b that continues it, offsets counting tenfold [m]; inf: it does not."""
+    step = b.xyz[0, :2] - a.xyz[-1, :2]
+    along, off = [], []
+    for normal in (a.normal[-1], b.normal[0]):
+        along.append(step[0] * normal[1] - step[1] * normal[0])
+        off.append(abs(step @ normal))
+    gap = max(along)
+    is_near = min(along) > -OVERLAP_M and gap <= LONGEST_DROP_M
+    if not is_near or max(off) > END_OFFSET_M + END_TURN * max(gap, 0.0):
+        return math.inf
+    return float(abs(gap) + max(off) / END_TURN)
+
+
+def _joined_boundary(a: SmoothBoundary, b: SmoothBoundary) -> SmoothBoundary:
+    """Return two boundaries as one that runs through a, then b."""
+    # Where they overlap, up to the start of b
+    start, along = b.line.xyz[0, :2], np.array([b.line.normal[0, 1], -b.line.normal[0, 0]])
+    kept = (a.line.xyz[:, :2] - start) @ along < 0.0
+    kept |= a.line.t_m < a.line.t_m[-1] - 2.0 * OVERLAP_M
+    n = int(np.count_nonzero(kept)) if kept.any() else len(kept)
+    line = _joined_line(a.line, n, b.line)
+
+    def over_all(left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return values of both, (m,) or (m, d), with those of the stations between them."""
+        at = np.interp(line.t_m, line.t_m[[n - 1, n_behind]], [0.0, 1.0])[n:n_behind]
+        between = left[n - 1] + np.multiply.outer(at, right[0] - left[n - 1])
+        return np.concatenate([left[:n], between, right])
+
+    n_behind = len(line.t_m) - len(b.line.t_m)
+    top = replace(
+        line,
+        xyz=line.xyz + over_all(a.top.xyz - a.line.xyz, b.top.xyz - b.line.xyz),
+        sigma_xy_m=np.hypot(
+            line.sigma_xy_m, over_all(*(_excess(s.top.sigma_xy_m, s.line.sigma_xy_m) for s in (a, b)))
+        ),
+        sigma_z_m=np.hypot(
+            line.sigma_z_m, over_all(*(_excess(s.top.sigma_z_m, s.line.sigma_z_m) for s in (a, b)))
+        ),
+    )
+    weight = np.array([s.line.t_m[-1] - s.line.t_m[0] for s in (a, b)])
+    weight /= weight.sum()
+    return SmoothBoundary(
+        line, top, np.concatenate([a.boxes, b.boxes]), a.form, over_all(a.height_m, b.height_m),
+        float(weight @ [a.confidence, b.confidence]),
+        (min(a.times_s[0], b.times_s[0]), max(a.times_s[1], b.times_s[1])),
+        np.concatenate([a.scores, b.scores]), np.concatenate([a.contrasts, b.contrasts]),
+        np.concatenate([a.rougher, b.rougher]), float(weight @ [a.on_road, b.on_road]),
+    )  # fmt: skip
+
+
+def _excess(sigma_m: FloatArray, of_line_m: FloatArray) -> FloatArray:
+    """Return what a standard deviation of a top has beyond that of its foot, (n,) [m]."""
+    return np.asarray(np.sqrt(np.maximum(sigma_m**2 - of_line_m**2, 0.0)))
+
+
+def _joined_line(a: SmoothLine, n: int, b: SmoothLine) -> SmoothLine:
+    """Return the first n stations of a, then those of b, with stations on a cubic between them."""
+    step = b.xyz[0] - a.xyz[n - 1]
+    gap = float(np.hypot(step[0], step[1]))
+    at = np.linspace(0.0, 1.0, max(math.ceil(gap / SMOOTH_STATION_M), 1) + 1)[1:-1, None]
+    ends = [
+        np.array([line.normal[k, 1], -line.normal[k, 0], 0.0]) * gap + [0.0, 0.0, step[2]]
+        for line, k in ((a, n - 1), (b, 0))
+    ]
+    # Hermite's cubic
+    xyz = a.xyz[n - 1] + at**2 * (3.0 - 2.0 * at) * step
+    xyz += at * (1.0 - at) ** 2 * ends[0] - at**2 * (1.0 - at) * ends[1]
+    normal = (1.0 - at) * a.normal[n - 1] + at * b.normal[0]
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    # Between ends whose directions are known to a third of what is allowed
+    away = END_TURN / 3.0 * gap * (at * (1.0 - at))[:, 0]
+    sigma_xy, sigma_z = (
+        np.concatenate(
+            [left[:n], np.hypot((1.0 - at[:, 0]) * left[n - 1] + at[:, 0] * right[0], away), right]
+        )
+        for left, right in ((a.sigma_xy_m, b.sigma_xy_m), (a.sigma_z_m, b.sigma_z_m))
+    )
+    start = a.t_m[n - 1]
+    return SmoothLine(
+        np.concatenate([a.t_m[:n], start + at[:, 0] * gap, start + gap + b.t_m - b.t_m[0]]),
+        np.concatenate([a.xyz[:n], xyz, b.xyz]), np.concatenate([a.normal[:n], normal, b.normal]),
+        sigma_xy, sigma_z, np.concatenate([a.box[:n], np.full(len(at), -1), b.box]),
+    )  # fmt: skip
 
 
 def chance_of_road(boxes: BoxSet, box: IntArray) -> float:
