@@ -1,5 +1,6 @@
 """`linework classify` as a user runs it."""
 
+import dataclasses
 import json
 
 import laspy
@@ -7,10 +8,15 @@ import numpy as np
 import pytest
 
 import linework as package
+from linework.cli.commands.of_lines.paint import paint_of_survey
 from linework.errors import InputError, OutputExistsError, PartialError, UsageError
-from linework.library.classify import classify_files
+from linework.evaluation.chainage.paint_points import paint_pieces
+from linework.files.vectors.read_write import read_usable_lines
+from linework.library.classify import classify_files, classify_points
 from linework.methods.classes.point_class import ASPRS_CLASSES, PointClass
+from linework.model.grid import holds
 from linework.model.lines import LineSet
+from linework.scanlines.sampled import gains_of_points
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import simulate_survey
 
@@ -123,3 +129,41 @@ def test_lines_that_cannot_be_used(linework, survey, tmp_path):
     done = linework("classify", folder, "--lines", tmp_path / "other.gpkg", "-o", tmp_path / "out")
     assert done.code == 3
     assert not (tmp_path / "out").exists()
+
+
+def test_gains_of_lasers_are_taken_out_of_classes_and_of_paint(tmp_path):
+    folder = tmp_path / "survey"
+    spun = simulate_survey("urban", 932, 40.0, points_per_m=5000, scanner="spinning16")
+    write_survey_folder(spun, folder)
+    lines = folder / "truth.gpkg"
+    classify_files(folder, lines, tmp_path / "out")
+    (copy,) = (tmp_path / "out").glob("*.laz")
+    found = np.asarray(laspy.read(copy).classification) == 65
+    is_paint = spun.point_class == PointClass.MARKING
+    evened = gains_of_points(spun.points).without(spun.points)
+    with_gains = dataclasses.replace(spun.points, columns={})
+    both = [
+        classify_points(points, spun.truth, spun.trajectory).classes == PointClass.MARKING
+        for points in (with_gains, spun.points)
+    ]
+    recall = [np.mean(one[is_paint]) for one in both]
+    assert recall[1] > recall[0] + 0.1
+    assert abs(np.count_nonzero(found) - np.count_nonzero(both[1])) < 0.02 * np.count_nonzero(found)
+    # What a report says of paint
+    truth = read_usable_lines(lines, crs=spun.truth.crs)[0]
+    shown = paint_of_survey(
+        truth,
+        [folder],
+        (),
+        crs=None,
+        allow_outside=False,
+        allow_remote=False,
+        work=tmp_path / "w",
+        quiet=True,
+    )
+    wanted, kept = (
+        paint_pieces(truth, lambda area, points=points: points.take(holds(area, points.xyz[:, :2]))).on
+        for points in (evened, spun.points)
+    )
+    # Files round places and intensities
+    assert np.abs(shown.on - wanted).sum() < 0.2 * np.abs(kept - wanted).sum()

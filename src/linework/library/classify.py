@@ -44,6 +44,7 @@ from linework.runs.record import versions
 from linework.runs.resume import describe_run, run_folder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
+from linework.scanlines.sampled import gains_of_points
 from linework.surface.cells import path_samples
 from linework.surface.road import RoadConfig, find_ground
 
@@ -98,6 +99,7 @@ def classify_points(
     >>> np.bincount(found.classes[north < 7.9]).tolist(), found.line[(north > 8.01) & (north < 8.1)].min()
     ([0, 31600], np.uint32(1))
     """
+    points = gains_of_points(points).without(points)
     ground = find_ground(points, trajectory, road)
     path = np.zeros((0, 2)) if trajectory is None else path_samples(trajectory, _PATH_STEP_M)[:, :2]
     box = points.bounds

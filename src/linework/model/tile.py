@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
 from linework.model.points import Points
@@ -47,13 +47,22 @@ class LaserGains:
         """
         if points.intensity is None or self.column not in points.columns:
             return points
-        laser = points.columns[self.column]
-        known = (laser >= 0) & (laser < len(self.gain))  # NaN: no
-        gain = np.where(known, self.gain[np.where(known, laser, 0).astype(np.int64)], 1.0)
-        evened = (points.intensity / gain).astype(np.float32)
+        evened = self.evened(points.intensity, points.columns[self.column])
         return Points(
             points.xyz, intensity=evened, time_s=points.time_s, crs=points.crs, columns=points.columns
         )
+
+    def evened(self, intensity: Float32Array, laser: Float32Array) -> Float32Array:
+        """Return intensities (n,) without the gains of their lasers (n,), NaN: not known.
+
+        >>> LaserGains("ring", np.array([0.5, 2.0])).evened(np.float32([10.0, 40.0]), np.float32([0, 1])).tolist()
+        [20.0, 20.0]
+        """
+        known = (laser >= 0) & (laser < len(self.gain))
+        if not known.any():
+            return intensity
+        gain = np.where(known, self.gain[np.where(known, laser, 0).astype(np.int64)], 1.0)
+        return (intensity / gain).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

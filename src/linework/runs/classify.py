@@ -33,11 +33,13 @@ from linework.methods.classes.tile import (
 )
 from linework.model.grid import Bounds
 from linework.model.lines import REJECTED_REVIEW, LineSet
+from linework.model.tile import LaserGains
 from linework.processes.executors import Executor
 from linework.runs.extraction import Failure
 from linework.runs.opened.points import OpenedSurvey
 from linework.runs.opened.surface import SurveySurface
 from linework.runs.steps import Advance
+from linework.scanlines.sampled import sampled_gains
 from linework.surface.cells import path_samples
 
 #: Sides of tiles, the largest that holds no more than this many points is taken [m, points]: a tile in work takes 40
@@ -61,6 +63,8 @@ class ClassTask:
         Folder of the tile store, folder of the surface, file of the pieces of lines, file of the path (None: none).
     results
         Folder for what is made.
+    gains
+        Of the survey's lasers.
     """
 
     tile: TileNumber
@@ -70,6 +74,7 @@ class ClassTask:
     pieces: Path
     path: Path | None
     results: Path
+    gains: LaserGains
 
     @property
     def result(self) -> Path:
@@ -87,8 +92,9 @@ def make_tile(task: ClassTask) -> int:
     """Make a tile ready for its points and return how many were looked at; runs in any process."""
     core = task.core
     points = _opened_store(task.store).points(
-        core.grown(STANDING_MARGIN_M), ordered=False, with_time=False, with_columns=False
+        core.grown(STANDING_MARGIN_M), ordered=False, with_time=False, with_columns=bool(task.gains.column)
     )
+    points = task.gains.without(points)
     ground = _opened_surface(task.surface).over(core.grown(PLAN_MARGIN_M))
     path = np.zeros((0, 2)) if task.path is None else _path_places(task.path)
     found = tile_classes(core, ground, points, _pieces(task.pieces), path, has_path=task.path is not None)
@@ -129,11 +135,14 @@ class TiledClasses:
         Files of the tiles by their numbers.
     failures
         Tiles that could not be made: their points are of no class.
+    gains
+        Of the survey's lasers: intensities are asked for without them.
     """
 
     tile_m: float
     files: Mapping[TileNumber, Path]
     failures: tuple[Failure, ...]
+    gains: LaserGains
 
 
 def make_tiles(
@@ -162,8 +171,9 @@ def make_tiles(
         path = results / f"path{ARRAY_SUFFIX}"
         write_part(opened.trajectory, path)
     tile_m, numbers = _tiles_of(*opened.points.block_counts)
+    gains = sampled_gains(*opened.points.block_counts, opened.points.points)
     tasks = [
-        ClassTask(tile, tile_m, opened.points.folder, surface.tiles.folder, pieces, path, results)
+        ClassTask(tile, tile_m, opened.points.folder, surface.tiles.folder, pieces, path, results, gains)
         for tile in numbers
     ]
     files = dict[TileNumber, Path]()
@@ -176,7 +186,7 @@ def make_tiles(
         else:
             files[outcome.task.tile] = outcome.task.result
         advance(n, len(tasks))
-    return TiledClasses(tile_m, files, tuple(sorted(failures)))
+    return TiledClasses(tile_m, files, tuple(sorted(failures)), gains)
 
 
 def _tiles_of(blocks: IntArray, counts: IntArray) -> tuple[float, list[TileNumber]]:
@@ -210,7 +220,7 @@ class PointClassifier:
         Parameters
         ----------
         xyz, intensity
-            (n, 3) float64 [m, world] and (n,) float32.
+            (n, 3) float64 [m, world] and (n,) float32, without the gains of lasers.
         """
         out = np.full(len(xyz), PointClass.OTHER, dtype=np.uint8)
         line = np.zeros(len(xyz), dtype=np.uint32)
@@ -318,7 +328,7 @@ def copy_files(opened: OpenedSurvey, tiles: TiledClasses, folder: Path, advance:
             own = fetched.local(file.path)
             header = _header_of_laser_file(own)
             crs = resolve_crs(header.projection, opened.survey.settings.get("crs"), where=file.path)
-            copied = copy_classified(own, target, crs.factors, classifier, report)
+            copied = copy_classified(own, target, crs.factors, classifier, report, tiles.gains)
             check_copy(target, file.n_promised)
             copies[names[file.path]] = file.path, copied
         except InputError as error:

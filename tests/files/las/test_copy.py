@@ -12,6 +12,7 @@ from linework.files.las.columns import columns_of_las
 from linework.files.las.copy import check_copy, copy_classified
 from linework.files.las.header import read_las_header
 from linework.methods.classes.point_class import ASPRS_CLASSES, PointClass, asprs_numbers
+from linework.model.tile import LaserGains
 
 KINDS = list(PointClass)
 N = 1200
@@ -142,3 +143,20 @@ def test_numbers_of_classes_are_those_of_the_standard_or_free():
     assert len(set(numbers)) == len(KINDS) == len(ASPRS_CLASSES)
     assert not reserved & set(numbers)
     assert all(len(name) <= 15 for _, name in ASPRS_CLASSES.values())
+
+
+def test_points_are_classified_without_the_gains_of_their_lasers_which_the_copy_keeps(tmp_path):
+    path, target = tmp_path / "a.laz", tmp_path / "b.laz"
+    laser = np.arange(N) % 2
+    original = laspy.read(drive_file(path, 6, N, user_data=laser))
+    asked = []
+
+    def ask(xyz, intensity):
+        asked.append(intensity)
+        return by_turns(xyz, intensity)
+
+    gains = LaserGains("user_data", np.array([0.5, 2.0]))
+    copy_classified(path, target, (1.0, 1.0), ask, lambda n: None, gains)
+    kept = np.asarray(original.intensity, dtype=np.float32)
+    assert np.array_equal(np.concatenate(asked), kept / np.where(laser == 0, 0.5, 2.0).astype(np.float32))
+    assert differing(original, laspy.read(target)) == ["classification"]

@@ -76,6 +76,22 @@ def test_the_edge_of_a_plate_is_no_bundle(across_m):
     assert cables_in(plate + np.array([EAST_M, NORTH_M, 0.0])) == []
 
 
+@pytest.mark.parametrize("slope_deg", [35.0, 50.0])
+@pytest.mark.parametrize("seed", [9971, 9972, 9973])
+def test_a_sloping_strip_is_no_bundle(seed, slope_deg):
+    """The edge of a roof: 0.5 m wide, as many points between any four wires as on them."""
+    rng = np.random.default_rng(seed)
+    n = 900
+    along, up_it, off = rng.uniform(0.0, 14.0, n), rng.uniform(0.0, 0.5, n), rng.normal(0.0, 0.006, n)
+    slope = np.radians(slope_deg)
+    across, up = (
+        np.cos(slope) * up_it - np.sin(slope) * off,
+        np.sin(slope) * up_it + np.cos(slope) * off,
+    )
+    strip = np.stack([EAST_M + along, NORTH_M + across, 4.0 + 0.063 * along + up], axis=1)
+    assert cables_in(strip) == []
+
+
 def test_a_wall_with_few_points_is_no_bundle():
     rng = np.random.default_rng(9960)
     wall = np.column_stack(

@@ -18,6 +18,7 @@ from linework.files.las.batches import RecordSource
 from linework.files.las.copy_head import ExtraColumn, copy_head
 from linework.files.las.header import LasHeader, read_las_header
 from linework.methods.classes.point_class import ASPRS_CLASSES, PointClass, asprs_numbers
+from linework.model.tile import LaserGains
 
 #: The number of a point's line, 0 where it belongs to none; and its class, where the point format has no room for it.
 LINE_COLUMN = ExtraColumn("line_number", "<u4", "line that the point lies on, 0: none")
@@ -58,6 +59,7 @@ def copy_classified(
     factors: tuple[float, float],
     classify: ClassifyBatch,
     advance: Callable[[int], None],
+    gains: LaserGains | None = None,
 ) -> CopiedFile:
     """Write a copy of a file in which points have classes, and the number of their line.
 
@@ -67,6 +69,8 @@ def copy_classified(
         Metres per unit of the file, in plan and in height.
     advance
         Called with the number of points that are copied.
+    gains
+        Of the survey's lasers: points are classified by intensities without them, the copy keeps its own.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def copy_classified(
                 assert ahead is not None
                 raw = ahead.result().reshape(-1, header.record_bytes)
                 ahead = decoding.submit(read, starts[i + 1]) if i + 1 < len(starts) else None
-                classes, line, kept = _classified(raw, header, factors, classify)
+                classes, line, kept = _classified(raw, header, factors, classify, gains)
                 counts += np.bincount(classes[~kept], minlength=len(PointClass))
                 n_kept += int(np.count_nonzero(kept))
                 copied = _copied(raw, header, classes, line, kept)
@@ -172,7 +176,11 @@ def _finish(finish: Callable[[], object], target: Path) -> None:
 
 
 def _classified(
-    raw: AnyArray, header: LasHeader, factors: tuple[float, float], classify: ClassifyBatch
+    raw: AnyArray,
+    header: LasHeader,
+    factors: tuple[float, float],
+    classify: ClassifyBatch,
+    gains: LaserGains | None,
 ) -> tuple[AnyArray, AnyArray, BoolArray]:
     """Return class and line of records, and which of them keep the class they have."""
     xyz = np.empty((len(raw), 3))
@@ -183,7 +191,12 @@ def _classified(
         column += header.offsets[axis]
         if factor != 1.0:
             column *= factor
-    classes, line = classify(xyz, _field(raw, 12, "<u2").astype(np.float32))
+    intensity = _field(raw, 12, "<u2").astype(np.float32)
+    if gains is not None and gains.column in header.columns:
+        of_laser, laser = header.columns[gains.column], np.empty(len(raw), dtype=np.float32)
+        of_laser.values(_field(raw, of_laser.offset, of_laser.dtype), laser)
+        intensity = gains.evened(intensity, laser)
+    classes, line = classify(xyz, intensity)
     if header.point_format >= _WIDE_CLASSES:
         kept = np.isin(raw[:, 16], _NOISE) | (raw[:, 15] & 4 != 0)
     else:

@@ -42,6 +42,9 @@ _AHEAD_SHARE, _AHEAD_M = 0.25, 10.0
 ENOUGH_TO_TELL = 1500
 #: Unknowns of a wire: a parabola in plan and one in height, and its share of the points.
 _UNKNOWNS = 7
+#: Unknowns of a strip: those of a wire, its slope and its width; and the share of its points beyond either edge, that strays
+#: make it no wider.
+_STRIP_UNKNOWNS, _BEYOND_STRIP = 9, 0.01
 #: Rounds of the mixture, and gain of its likelihood at which it has settled. [-, 1]
 _MOST_ROUNDS, _SETTLED = 100, 1e-3
 #: Steps of looking ahead, and the least that one must bring [m].
@@ -246,7 +249,38 @@ def _best_mixture(about: PointsNearby, widths: Widths) -> Mixture | None:
     while next_one is not None:
         best = _likelier(best, next_one)
         next_one = _with_one_more(some, next_one, widths) if len(next_one.share) < MOST_WIRES else None
-    return best if max(best.sigma_o_m, best.sigma_z_m) <= MOST_SCATTER_GATES * widths.gate_m else None
+    if max(best.sigma_o_m, best.sigma_z_m) > MOST_SCATTER_GATES * widths.gate_m:
+        return None
+    is_several = int(best.cables().max()) > 0
+    return None if is_several and _likelihood_of_strip(some, best, widths) > best.likelihood else best
+
+
+def _likelihood_of_strip(about: PointsNearby, mixture: Mixture, widths: Widths) -> float:
+    """Return what a filled strip explains where a mixture has several wires, less the price of its unknowns.
+
+    The edge of a roof, a board, a parapet: as even between two wires as on them, at any slope. Its middle is that of the
+    wires, its direction across that in which their points spread farthest. Comparable with `Mixture.likelihood`.
+    """
+    on = mixture.squares(about).min(axis=0) <= BUNDLE_GATE_SIGMAS**2
+    weight = mixture.share / mixture.share.sum()
+    u = (about.s - mixture.middle_m) / mixture.half_m
+    powers = np.stack([np.ones_like(u), u, u * u])
+    off = np.stack([about.o - weight @ mixture.across @ powers, about.dz - weight @ mixture.up @ powers])
+    if np.count_nonzero(on) < _STRIP_UNKNOWNS:
+        return -math.inf
+    _, axes = np.linalg.eigh(np.cov(off[:, on]))
+    through, along = axes.T @ off
+    through = through - through[on].mean()
+    low, high = np.quantile(along[on], [_BEYOND_STRIP, 1.0 - _BEYOND_STRIP])
+    sigma = max(float(through[on].std()), widths.sigma_m)
+    width = max(float(high - low), sigma)
+    # The edges of a strip are as blurred as its face
+    beyond = np.maximum(np.maximum(low - along, along - high), 0.0)
+    density = np.exp(-0.5 * (through**2 + beyond**2) / sigma**2) / (sigma * math.sqrt(2.0 * math.pi))
+    density /= width + sigma * math.sqrt(2.0 * math.pi)
+    share = min(float(on.mean()), 0.999)
+    sums = share * density + (1.0 - share) / (2.0 * widths.crowd_m) ** 2
+    return float(np.log(sums).sum()) - 0.5 * _STRIP_UNKNOWNS * math.log(len(about.s))
 
 
 def _likelier(best: Mixture, other: Mixture | None) -> Mixture:

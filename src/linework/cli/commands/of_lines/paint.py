@@ -96,6 +96,7 @@ def paint_of_survey(
     from linework.runs.opened.recordings import opened_recordings
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.steps import RunSteps
+    from linework.scanlines.sampled import sampled_gains
 
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(open_display(quiet=quiet)))
@@ -118,9 +119,12 @@ def paint_of_survey(
         for warning in recordings.warnings:
             warn(warning)
         store = recordings.points.points
+        gains = sampled_gains(*store.block_counts, store.points)
         with steps.step("look at the paint", unit="tiles") as advance:
             return paint_pieces(
                 lines,
-                lambda area: store.points(area, ordered=False, with_columns=False),
+                lambda area: gains.without(
+                    store.points(area, ordered=False, with_columns=bool(gains.column))
+                ),
                 advance,
             )
