@@ -21,7 +21,7 @@ from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.methods.tracking import marking_lines
 from linework.methods.tracking.arrangement import is_double, roles
-from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
+from linework.methods.tracking.guides import by_length, drop_unlikely_pieces, join_along
 from linework.methods.tracking.neighbours import LineAxis, axes_of_path
 from linework.methods.tracking.track import TrackConfig, Tracks, track_lines
 from linework.model.images import RectifiedPair
@@ -133,7 +133,7 @@ class Stereo:
         )
         whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), is_visible)
         guides = [*(LineAxis.of(m.line.t_m, m.line.xyz) for m in whole), *path]
-        tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m)
+        tracks = join_along(boxes, tracks, by_length(guides), self.config.track.longest_gap_m)
         tracks = _without_weak(_of_one_width(tracks, 2.0 * boxes.half_v_m), boxes.score).with_boxes(3)
         markings, _ = marking_lines.marking_lines(boxes, tracks, is_visible)
         markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]

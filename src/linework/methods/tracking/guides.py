@@ -23,6 +23,9 @@ from linework.model.boxes import BoxSet
 LEAST_GUIDE_M, GUIDE_REACH_M = 25.0, 15.0
 #: Pieces run along their guide within 10 degrees, the accuracy of the direction of one box: cosine.
 LEAST_COSINE = 0.985
+#: A line does not guide its own pieces, which end where it does: lines side by side have 0.1 m and more between them, and
+#: their own width. [m]
+OWN_LINE_M = 0.1
 #: Fewest boxes of the largest piece of a line: single boxes alone are noise.
 LEAST_BOXES = 3
 #: Largest difference of the offsets of one line's pieces [m], and its growth per metre of gap: lines run parallel to a
@@ -50,7 +53,7 @@ def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis], longes
     tracks
         Pieces, down to single boxes.
     guides
-        Axes of lines; short ones are left out.
+        Axes of lines, those that are most surely parallel to paint last; short ones are left out.
     longest_gap_m
         Longest gap between two pieces of a line. [m]
     """
@@ -62,6 +65,11 @@ def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis], longes
     return _chained(tracks, ends, partner)
 
 
+def by_length(guides: Sequence[LineAxis]) -> list[LineAxis]:
+    """Return guides, the longest last."""
+    return sorted(guides, key=lambda guide: len(guide.xy))
+
+
 def drop_unlikely_pieces(pieces: Tracks, score: FloatArray) -> Tracks:
     """Return the pieces without the small ones that more likely belong to no line, by their boxes' scores (n,)."""
     n = np.diff(pieces.offsets)
@@ -70,13 +78,11 @@ def drop_unlikely_pieces(pieces: Tracks, score: FloatArray) -> Tracks:
 
 
 def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis]) -> list[_Ends | None]:
-    """Return the place of each piece beside the longest guide within reach that it runs along, None without one."""
+    """Return the place of each piece beside the last guide within reach that it runs along, None without one."""
     found: list[_Ends | None] = [None] * len(tracks)
     middle = np.array([box[len(box) // 2] for box in (tracks.line(i)[0] for i in range(len(tracks)))])
     xy, u = boxes.centre[middle, :2], boxes.u[middle]
-    # The longest guide last, so that it wins
-    for number in sorted(range(len(guides)), key=lambda g: len(guides[g].xy)):
-        guide = guides[number]
+    for number, guide in enumerate(guides):
         low, high = guide.xy.min(axis=0) - GUIDE_REACH_M, guide.xy.max(axis=0) + GUIDE_REACH_M
         near = np.flatnonzero(np.all((xy >= low) & (xy <= high), axis=1))
         tree = cKDTree(guide.xy)
@@ -90,7 +96,7 @@ def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis]) -
 
 
 def _ends(boxes: BoxSet, box: IntArray, guide: LineAxis, tree: cKDTree, number: int) -> _Ends | None:
-    """Return the place of a piece beside a guide, None beyond its ends."""
+    """Return the place of a piece beside a guide, None beyond its ends and where it is part of the guide itself."""
     places = boxes.centre[box[[0, -1]], :2]
     _, station = tree.query(places)
     step = places - guide.xy[station]
@@ -98,6 +104,8 @@ def _ends(boxes: BoxSet, box: IntArray, guide: LineAxis, tree: cKDTree, number: 
     chainage = station * _spacing(guide) + np.sum(step * along, axis=1)
     offset = np.sum(step * guide.normal[station], axis=1)
     if np.abs(np.sum(step * along, axis=1)).max() > BEYOND_END * AXIS_STATION_M:
+        return None
+    if np.abs(offset).max() < OWN_LINE_M:
         return None
     a, b = sorted(zip(chainage.tolist(), offset.tolist(), strict=True))
     return _Ends(number, a, b, bool(chainage[1] < chainage[0]))
