@@ -25,8 +25,10 @@ from linework.methods.rails.placed import PlacedRail, above_beside_m, road_noise
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.sections import (
+    MOST_TOP_SHARE,
     NOTHING,
     SectionForm,
+    faces_of,
     form_of_bars,
     form_of_section,
     sections_at,
@@ -104,10 +106,11 @@ def forms_along(
     above = placed.above_ground_m[at_asked]
     in_world = nodes[at_asked] + np.array([*bins.origin[:2], 0.0, bins.origin[2]])
     beside = above_beside_m(surface, in_world)
+    beside[is_turned] = beside[is_turned, ::-1]
     noise = road_noise_m(surface, placed.xyz[at_asked, :2])
     forms = [
         form_of_section(*seen)
-        for seen in zip(held, above.tolist(), noise.tolist(), beside.tolist(), strict=True)
+        for seen in zip(held, above.tolist(), noise.tolist(), map(tuple, beside.tolist()), strict=True)
     ]
     height_m = placed.height_m
     is_between = _are_between_rails(at_asked, forms)
@@ -349,6 +352,31 @@ def fitted_again(
             fit = replace(fit, xy=xy + band.axis_m * left)
         fits.append(fit)
     return fits
+
+
+def on_faces(
+    rails: list[FittedRail], bins: Bins, circles: CircleConfig, config: ProfileConfig
+) -> list[FittedRail]:
+    """Return rails fitted again where the face under their edge is.
+
+    What is followed slides across the lid of a barrier, where as many points are as on its face: under the lid the
+    densest strip is the face.
+    """
+    chains = []
+    for rail in rails:
+        nodes, each = _nodes(rail), np.arange(len(rail.xy))
+        turned = _are_turned(nodes[:, 2])
+        counts = sections_at(nodes, np.column_stack([each, each + 1]), bins, circles)
+        across_m, number = faces_of(_turned(counts, turned))
+        left = np.column_stack([-np.sin(nodes[:, 2]), np.cos(nodes[:, 2])])
+        xy = rail.xy + np.where(turned, -across_m, across_m)[:, None] * left
+        chains.append(np.column_stack([xy, rail.top_m, number, rail.measured]))
+    return fit_rails(chains, bins, circles, config)
+
+
+def is_on_lid(forms: list[SectionForm]) -> bool:
+    """Return whether a window of a rail shows no form, but one thing with a lid."""
+    return any(not s.form and len(s.bands) == 1 and s.bands[0].top_share >= MOST_TOP_SHARE for s in forms)
 
 
 def _nodes(rail: FittedRail) -> FloatArray:

@@ -11,8 +11,9 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along, offsets_of
 from linework.methods.rails.circles import Bins
+from linework.methods.rails.profile import ProfileConfig, VerticalProfile
 from linework.methods.rails.rails import FittedRail
-from linework.methods.rails.verdict import NodeScores
+from linework.methods.rails.verdict import NodeScores, classify
 from linework.surface.road import Ground, height_above_ground, height_above_road
 
 #: Nodes within this distance of a barrier's edge are on its foot: that of a New Jersey profile stands 0.22 m before the
@@ -67,6 +68,23 @@ def place_rails(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[Pl
     ]
 
 
+def judged(placed: list[PlacedRail], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
+    """Return the scores of each rail; rails are many and short, so all are classified at once.
+
+    `paired` holds for each rail which of its nodes (n,) bool have a guardrail beside them.
+    """
+    if not placed:
+        return []
+    profile = VerticalProfile.joined([p.rail.profile for p in placed])
+    columns = (
+        np.concatenate([p.rail.wobble for p in placed]),
+        np.concatenate([p.height_m for p in placed]),
+        np.concatenate([p.above_ground_m for p in placed]),
+        np.concatenate(paired),
+    )
+    return classify(profile, *columns, config).split(profile.offsets)
+
+
 @dataclass(frozen=True, slots=True)
 class Stretch:
     """A run of nodes of a placed rail that is a line.
@@ -110,15 +128,14 @@ def near_nodes(xyz: FloatArray, nodes: cKDTree) -> BoolArray:
 
 
 def above_beside_m(surface: Ground, nodes: FloatArray) -> FloatArray:
-    """Return the height of edges (n, 4) x, y, heading, z above the ground beside them, (n,) [m].
+    """Return the height of edges (n, 4) x, y, heading, z above the ground to the right and left of them, (n, 2) [m].
 
-    The foot of a concrete barrier is taken for ground, which is then centimetres too high there. Of the two sides the
-    higher ground counts: behind a barrier the land may fall away.
+    The foot of a concrete barrier is taken for ground, which is then centimetres too high under its edge.
     """
     left = np.column_stack([-np.sin(nodes[:, 2]), np.cos(nodes[:, 2]), np.zeros(len(nodes))])
     edge = nodes[:, [0, 1, 3]]
     sides = [height_above_ground(surface, edge + s * _BESIDE_FOOT_M * left) for s in (-1.0, 1.0)]
-    return np.asarray(np.fmin(*sides), dtype=np.float64)
+    return np.column_stack(sides).astype(np.float64)
 
 
 def road_noise_m(surface: Ground, xy: FloatArray) -> FloatArray:

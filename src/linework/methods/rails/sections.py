@@ -87,6 +87,11 @@ MOST_TOP_SHARE = 0.2
 #: slope; the foot is as high as the toe of a New Jersey profile and the slope above; it stands before the top edge by 0.19
 #: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
 CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12, (0.06, 0.30)
+#: Where a verge hides half of the foot, the face above it stands before the edge by this: the upper slope of the steepest
+#: profile, 0.055 m (F-shape), less the part that is looked at; a wall on a kerb is upright there. [m]
+SLOPE_BEFORE_M = 0.03
+#: Height of the face under a lid by which it is found: that of a W-beam and its noise. [m]
+_FACE_M = 0.36
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +207,10 @@ def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: Circl
 
 
 def form_of_section(
-    counts: FloatArray, above_ground_m: float, noise_m: float = 0.0, above_beside_m: float = 0.0
+    counts: FloatArray,
+    above_ground_m: float,
+    noise_m: float = 0.0,
+    above_beside_m: tuple[float, float] | None = None,
 ) -> SectionForm:
     """Return what explains a cross-section.
 
@@ -215,8 +223,8 @@ def form_of_section(
     noise_m
         Standard deviation of the survey's points there; up to 2 cm make no difference. [m]
     above_beside_m
-        Height of the followed edge above the ground beside it, if that is lower: the foot of a concrete barrier is taken
-        for ground. [m]
+        Height of the followed edge above the ground to the right and to the left of it: the foot of a concrete barrier
+        is taken for ground, and a verge before a fence is higher than the ground under it. [m]
 
     A board of 12 cm, and nothing else:
 
@@ -227,14 +235,19 @@ def form_of_section(
     ([('flat', 0.12)], '')
     """
     form = _form_over(counts, above_ground_m, noise_m)
-    if form.form or above_beside_m <= above_ground_m or len(form.bands) != 1:
+    if form.form or above_beside_m is None or len(form.bands) != 1:
         return form
-    beside = _form_over(counts, above_beside_m, noise_m)
-    return beside if beside.kind == "barrier" else form
+    for side, beside_m in zip((-1.0, 1.0), above_beside_m, strict=True):
+        beside = _form_over(counts, beside_m, noise_m, foot=side) if beside_m > above_ground_m else form
+        if beside.kind == "barrier":
+            return beside
+    nearest_m = float(np.fmin(*above_beside_m))
+    over_verge = _form_over(counts, nearest_m, noise_m) if nearest_m < above_ground_m else form
+    return over_verge if over_verge.form == "mesh" else form
 
 
-def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float) -> SectionForm:
-    """Return what explains a cross-section over the ground."""
+def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float, foot: float = 0.0) -> SectionForm:
+    """Return what explains a cross-section over the ground; `foot` is the side, 1 for the left, whose ground that is."""
     z, u = _centres(counts)
     found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
@@ -247,7 +260,7 @@ def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float) -> Sec
         return NOTHING
     on_m = on_outline_m(noise_m)
     bands = tuple(_explained(found, z, u, edge, on_m) for edge in edges)
-    edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m) if len(bands) == 1 else None
+    edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m, foot) if len(bands) == 1 else None
     if edge_m is not None:
         faced = _faced(_under_lid(found, z, bands[0]), u, on_m)
         face = replace(bands[0], axis_m=edge_m, explained=faced)
@@ -321,11 +334,14 @@ def _explained(
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below)
 
 
-def _edge_of_concrete(counts: FloatArray, band: Band, above_ground_m: float, on_m: float) -> float | None:
+def _edge_of_concrete(
+    counts: FloatArray, band: Band, above_ground_m: float, on_m: float, foot: float
+) -> float | None:
     """Return where across the top edge of a concrete barrier is [m], None where the band is not the face of one.
 
     That is one surface from the top edge to a foot before it, and a lid behind. The foot may be lower than the band,
-    which ends where grass may grow: half of the rows that it is looked for in are above that.
+    which ends where grass may grow: half of the rows that it is looked for in are above that. `foot` is the only side
+    that it may stand on, 0 for either.
     """
     z, u = _centres(counts)
     foot_m = above_ground_m + band.low_m
@@ -336,14 +352,19 @@ def _edge_of_concrete(counts: FloatArray, band: Band, above_ground_m: float, on_
     face = _middles(counts, u)
     upper = face[(z < band.high_m - UNDER_TOP_M[0]) & (z > band.high_m - UNDER_TOP_M[1])]
     lowest = OVER_GROUND_M - above_ground_m if foot_m < OVER_GRASS_M + CLEAR_UNDER_M[1] else band.low_m
-    lower = face[(z > lowest) & (z < band.low_m + FOOT_HEIGHT_M)]
-    if np.isnan(upper).all() or np.isnan(lower).all():
+    lower = (z > lowest) & (z < band.low_m + FOOT_HEIGHT_M)
+    if np.isnan(upper).all() or np.isnan(face[lower]).all():
         return None
     edge = float(np.nanmedian(upper))
-    before = float(np.nanmedian(lower)) - edge
+    before = float(np.nanmedian(face[lower])) - edge
+    toe = lower & (z < lowest + FOOT_HEIGHT_M)
+    slopes = abs(before) >= SLOPE_BEFORE_M and counts[toe].sum() >= _DENSE_POINTS
+    if slopes and _faced(counts[toe], u, on_m) >= fitted.LEAST_FACED:
+        # One surface down to there, which grass is not
+        before = float(np.nanmedian(face[toe])) - edge
     # What is followed lies on the face, not on the lid behind the edge
-    on_face = -edge * np.sign(before) >= -on_m
-    return edge if on_face and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
+    is_on_side = before * foot >= 0.0 and -edge * np.sign(before) >= -on_m
+    return edge if is_on_side and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
 
 
 def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
@@ -351,6 +372,23 @@ def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
     total = counts.sum(axis=1)
     half = np.argmax(np.cumsum(counts, axis=1) >= 0.5 * total[:, None], axis=1)
     return np.where(total > 0.0, u[half], np.nan)
+
+
+def faces_of(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where across the densest strip under the lids of stations (k, heights, widths) is, (k,) [m], and its points (k,).
+
+    It is as wide as the points of one surface are; where there is none, it is at 0.
+    """
+    z, u = _centres(counts[0])
+    number = counts[:, (z < -2.0 * TOP_HEIGHT_M) & (z > -_FACE_M)].sum(axis=1)
+    half = round(ON_OUTLINE_M / SECTION_CELL_M)
+    strips = np.lib.stride_tricks.sliding_window_view(
+        np.pad(number, ((0, 0), (half, half))), 2 * half + 1, axis=1
+    )
+    at = np.argmax(strips.sum(axis=2), axis=1)
+    weight = np.where(np.abs(np.arange(len(u))[None] - at[:, None]) <= half, number, 0.0)
+    total = weight.sum(axis=1)
+    return np.sum(weight * u, axis=1) / np.maximum(total, 1.0), total
 
 
 def _under_lid(counts: FloatArray, z: FloatArray, band: Band) -> FloatArray:
@@ -384,7 +422,10 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, han
     pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
     foot = above_ground_m + bands[-1].low_m
     is_alone = all(above_ground_m + band.high_m <= FENCE_FOOT_M for band in bands[1:])
-    is_low = is_alone and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
+    # What grows hides the foot of what stands in it
+    hidden = foot if foot < OVER_GRASS_M + CLEAR_UNDER_M[1] else 0.0
+    is_high = heights[0] + hidden >= FENCE_M[0] and heights[0] <= FENCE_M[1]
+    is_low = is_alone and foot <= FENCE_FOOT_M and is_high
     # A wall and a concrete barrier have a top that is seen from above
     is_mesh = is_low and bands[0].explained >= _least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
     kind, form = "", ""
