@@ -12,7 +12,7 @@ import pytest
 from linework.methods.radon.method import Radon
 from linework.methods.rails import forms
 from linework.methods.rails.circles import CircleConfig
-from linework.methods.rails.forms import form_of_run, formed_stretches
+from linework.methods.rails.forms import faces_of, form_of_run, formed_stretches
 from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit
 from linework.methods.rails.placed import road_noise_m
 from linework.methods.rails.profile import ProfileConfig
@@ -22,7 +22,6 @@ from linework.methods.rails.sections import (
     NOTHING,
     Band,
     SectionForm,
-    faces_of,
     form_of_bars,
     form_of_section,
 )

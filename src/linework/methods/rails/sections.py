@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import erf
 
 import numpy as np
 
@@ -22,10 +21,10 @@ from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
 from linework.methods.rails.outlines import (
-    ON_OUTLINE_M,
     SECTION_CELL_M,
     OutlineFit,
     bars_of,
+    least_thin,
     on_outline_m,
     plate_of,
 )
@@ -75,8 +74,6 @@ HIGHEST_ROPE_M = 1.20
 HANGS_M, CLEAR_UNDER_M, OVER_GROUND_M = 0.05, (0.01, 0.04), 0.05
 #: Half width of what is under a beam: half of a beam's depth, and noise. [m]
 _MOST_UNDER_M = 0.10
-#: Noise of a survey up to which more or less of it makes no difference: 5 cm are 2.5 times as much. [m]
-USUAL_NOISE_M = 0.02
 #: A fence of mesh is between this high, so that a scanner on a roof sees over it; and ends this near the ground: a kerb,
 #: grass and the plinth that it stands on or behind hide its foot, and stand there as a band of their own. [m]
 FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.40
@@ -87,11 +84,11 @@ MOST_TOP_SHARE = 0.2
 #: slope; the foot is as high as the toe of a New Jersey profile and the slope above; it stands before the top edge by 0.19
 #: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
 CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12, (0.06, 0.30)
-#: Where a verge hides half of the foot, the face above it stands before the edge by this: the upper slope of the steepest
-#: profile, 0.055 m (F-shape), less the part that is looked at; a wall on a kerb is upright there. [m]
-SLOPE_BEFORE_M = 0.03
-#: Height of the face under a lid by which it is found: that of a W-beam and its noise. [m]
-_FACE_M = 0.36
+#: Least that a face slopes above a foot that a verge hides: half of an F-shape's 0.055 m; on a kerb walls are upright. [m]
+SLOPE_BEFORE_M, MOST_FOOT_M = (
+    0.03,
+    0.33,
+)  # New Jersey: its foot raises a cell of ground by half of that at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,11 +204,8 @@ def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: Circl
 
 
 def form_of_section(
-    counts: FloatArray,
-    above_ground_m: float,
-    noise_m: float = 0.0,
-    above_beside_m: tuple[float, float] | None = None,
-) -> SectionForm:
+    counts: FloatArray, above_ground_m: float, noise_m: float = 0.0, above_beside_m: tuple[float, float] | None = None
+) -> SectionForm:  # fmt: skip
     """Return what explains a cross-section.
 
     Parameters
@@ -223,8 +217,7 @@ def form_of_section(
     noise_m
         Standard deviation of the survey's points there; up to 2 cm make no difference. [m]
     above_beside_m
-        Height of the followed edge above the ground to the right and to the left of it: the foot of a concrete barrier
-        is taken for ground, and a verge before a fence is higher than the ground under it. [m]
+        The same to the right and to the left: concrete's foot is taken for ground, verges hide that of a fence. [m]
 
     A board of 12 cm, and nothing else:
 
@@ -238,7 +231,8 @@ def form_of_section(
     if form.form or above_beside_m is None or len(form.bands) != 1:
         return form
     for side, beside_m in zip((-1.0, 1.0), above_beside_m, strict=True):
-        beside = _form_over(counts, beside_m, noise_m, foot=side) if beside_m > above_ground_m else form
+        is_raised = above_ground_m < beside_m <= above_ground_m + 0.5 * MOST_FOOT_M
+        beside = _form_over(counts, beside_m, noise_m, foot=side) if is_raised else form
         if beside.kind == "barrier":
             return beside
     nearest_m = float(np.fmin(*above_beside_m))
@@ -248,7 +242,7 @@ def form_of_section(
 
 def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float, foot: float = 0.0) -> SectionForm:
     """Return what explains a cross-section over the ground; `foot` is the side, 1 for the left, whose ground that is."""
-    z, u = _centres(counts)
+    z, u = centres_of(counts)
     found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
         return NOTHING
@@ -272,7 +266,7 @@ def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
     """Return whether it is clear under the lowest band: its points end there, above the grass or the ground."""
     if above_ground_m + lowest.low_m >= OVER_GRASS_M + HANGS_M:
         return True
-    z, u = _centres(counts)
+    z, u = centres_of(counts)
     number = counts[:, np.abs(u - lowest.axis_m) <= _MOST_UNDER_M].sum(axis=1)
     under = (z > lowest.low_m - CLEAR_UNDER_M[1]) & (z < lowest.low_m - CLEAR_UNDER_M[0])
     under &= z > OVER_GROUND_M - above_ground_m
@@ -280,7 +274,8 @@ def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
     return bool(under.any() and np.mean(number[under]) < _BAND_SHARE * np.mean(number[own]))
 
 
-def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+def centres_of(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return heights and places across (heights,), (widths,) of the cells of a section [m]."""
     n_z, n_u = counts.shape
     rows, columns = (np.arange(n, dtype=np.float64) + 0.5 for n in (n_z, n_u))
     return DEPTHS_M[0] + rows * SECTION_CELL_M, columns * SECTION_CELL_M - HALF_SECTION_M
@@ -343,7 +338,7 @@ def _edge_of_concrete(
     which ends where grass may grow: half of the rows that it is looked for in are above that. `foot` is the only side
     that it may stand on, 0 for either.
     """
-    z, u = _centres(counts)
+    z, u = centres_of(counts)
     foot_m = above_ground_m + band.low_m
     if foot_m > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
         return None
@@ -374,23 +369,6 @@ def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
     return np.where(total > 0.0, u[half], np.nan)
 
 
-def faces_of(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where across the densest strip under the lids of stations (k, heights, widths) is, (k,) [m], and its points (k,).
-
-    It is as wide as the points of one surface are; where there is none, it is at 0.
-    """
-    z, u = _centres(counts[0])
-    number = counts[:, (z < -2.0 * TOP_HEIGHT_M) & (z > -_FACE_M)].sum(axis=1)
-    half = round(ON_OUTLINE_M / SECTION_CELL_M)
-    strips = np.lib.stride_tricks.sliding_window_view(
-        np.pad(number, ((0, 0), (half, half))), 2 * half + 1, axis=1
-    )
-    at = np.argmax(strips.sum(axis=2), axis=1)
-    weight = np.where(np.abs(np.arange(len(u))[None] - at[:, None]) <= half, number, 0.0)
-    total = weight.sum(axis=1)
-    return np.sum(weight * u, axis=1) / np.maximum(total, 1.0), total
-
-
 def _under_lid(counts: FloatArray, z: FloatArray, band: Band) -> FloatArray:
     """Return the points (heights, widths) of a band from 6 cm below its upper edge down: under a lid."""
     face = (z > band.low_m) & (z < band.high_m - 2.0 * TOP_HEIGHT_M)
@@ -403,16 +381,6 @@ def _faced(counts: FloatArray, u: FloatArray, on_m: float) -> float:
     return float(np.sum(counts * near) / max(counts.sum(), 1.0))
 
 
-def _least_thin(noise_m: float) -> float:
-    """Return the share of the points of a sheet without thickness that lies within 5 cm of it, less what mesh loses.
-
-    >>> round(_least_thin(0.01), 3), round(_least_thin(0.03), 3)
-    (0.95, 0.87)
-    """
-    usual, here = (erf(ON_OUTLINE_M / (np.sqrt(2.0) * max(sigma, USUAL_NOISE_M))) for sigma in (0.0, noise_m))
-    return fitted.LEAST_THIN * here / usual
-
-
 def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, hangs: bool) -> SectionForm:
     """Return the form of which these beams, the highest first, are the section."""
     sure = tuple(band for band in bands if band.explained >= fitted.LEAST_EXPLAINED)
@@ -422,12 +390,10 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, han
     pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
     foot = above_ground_m + bands[-1].low_m
     is_alone = all(above_ground_m + band.high_m <= FENCE_FOOT_M for band in bands[1:])
-    # What grows hides the foot of what stands in it
     hidden = foot if foot < OVER_GRASS_M + CLEAR_UNDER_M[1] else 0.0
     is_high = heights[0] + hidden >= FENCE_M[0] and heights[0] <= FENCE_M[1]
     is_low = is_alone and foot <= FENCE_FOOT_M and is_high
-    # A wall and a concrete barrier have a top that is seen from above
-    is_mesh = is_low and bands[0].explained >= _least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
+    is_mesh = is_low and bands[0].explained >= least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
     kind, form = "", ""
     if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
         kind, form = "guardrail", "w_beam"
