@@ -85,10 +85,8 @@ MOST_TOP_SHARE = 0.2
 #: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
 CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12, (0.06, 0.30)
 #: Least that a face slopes above a foot that a verge hides: half of an F-shape's 0.055 m; on a kerb walls are upright. [m]
-SLOPE_BEFORE_M, MOST_FOOT_M = (
-    0.03,
-    0.33,
-)  # New Jersey: its foot raises a cell of ground by half of that at most
+SLOPE_BEFORE_M = 0.03
+MOST_FOOT_M = 0.33  # a New Jersey's, which raises a cell of ground by half of that at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +355,6 @@ def _edge_of_concrete(
     if slopes and _faced(counts[toe], u, on_m) >= fitted.LEAST_FACED:
         # One surface down to there, which grass is not
         before = float(np.nanmedian(face[toe])) - edge
-    # What is followed lies on the face, not on the lid behind the edge
     is_on_side = before * foot >= 0.0 and -edge * np.sign(before) >= -on_m
     return edge if is_on_side and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
 
