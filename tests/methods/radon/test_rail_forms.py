@@ -12,7 +12,7 @@ import pytest
 from linework.methods.radon.method import Radon
 from linework.methods.rails import forms
 from linework.methods.rails.circles import CircleConfig
-from linework.methods.rails.forms import faces_of, form_of_run, formed_stretches
+from linework.methods.rails.forms import form_of_run, formed_stretches
 from linework.methods.rails.outlines import SECTION_CELL_M, OutlineFit
 from linework.methods.rails.placed import road_noise_m
 from linework.methods.rails.profile import ProfileConfig
@@ -320,16 +320,6 @@ def test_a_mesh_in_the_grass_is_as_high_as_its_top_is_over_the_ground():
     parts = section([plane(-0.85, 0.0)[::4], verge])
     assert form_of_section(parts, 0.95).form == ""
     assert form_of_section(parts, 0.95, above_beside_m=(0.70, 1.10)).form == "mesh"
-
-
-def test_the_face_under_a_lid_is_its_densest_strip():
-    counts = np.stack(
-        [section([part + np.array([0.12, 0.0]) for part in concrete()]), section([plane(0.1, 0.3)])]
-    )
-    across_m, number = faces_of(counts)
-    assert abs(across_m[0] - 0.09) < 0.02
-    assert number[0] > 500.0
-    assert across_m[1] == number[1] == 0.0
 
 
 def test_what_is_seen_on_a_lid_says_nothing_about_the_face():

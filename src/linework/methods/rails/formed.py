@@ -21,11 +21,9 @@ from linework.methods.rails.forms import (
     formed_stretches,
     forms_along,
     is_agreed,
-    is_on_lid,
     lid_of_run,
-    on_faces,
 )
-from linework.methods.rails.placed import PlacedRail, Stretch, in_plan, judged, near_nodes, place_rails
+from linework.methods.rails.placed import PlacedRail, Stretch, in_plan, near_nodes, place_rails
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.verdict import NodeScores
 from linework.surface.road import Ground
@@ -102,7 +100,6 @@ def with_forms(
     """
     kept: list[Stretch] = []
     shown: list[_Shown] = []
-    on_lids: list[PlacedRail] = []
     of_found = in_plan(found)
     least = round(around.config.min_length_m / around.circles.spacing_m) + 1
     for p, verdict in zip(placed, verdicts, strict=True):
@@ -111,7 +108,6 @@ def with_forms(
         if not own and np.count_nonzero(free) < least:
             continue
         at, forms = forms_along(p, around.bins, around.surface, around.circles)
-        on_lids += [p] if is_on_lid(forms) else []
         others = formed_stretches(at, forms, free, p.height_m, around.circles, around.config)
         alone = np.zeros(len(p.xyz), dtype=bool)
         shown += [_Shown(p, verdict, s, alone) for s in others if _is_more_than_high(p, s, around.config)]
@@ -123,25 +119,11 @@ def with_forms(
                 shown.append(other)
             else:
                 kept += _likely_rail(_of_form(s, stretch), lid_of_run(at, forms, s.run))
-    shown += _on_faces(on_lids, around)
     concrete = _each_once([s for s in shown if s.stretch.section.kind == "barrier"], [], around)
     concrete = _barriers_once(concrete, barriers, least)
     # Nothing else stands on a barrier
     no_concrete = [s for s in shown if s.stretch.section.kind != "barrier"]
     return kept + _each_once(no_concrete, concrete, around) + concrete
-
-
-def _on_faces(on_lids: list[PlacedRail], around: Surroundings) -> Iterator[_Shown]:
-    """Yield the concrete barriers among rails that were followed on the lids of things, on their faces."""
-    faced = on_faces([p.rail for p in on_lids], around.bins, around.circles, around.config)
-    placed = place_rails(faced, around.bins, around.surface)
-    alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
-    for p, verdict, nothing in zip(placed, judged(placed, alone, around.config), alone, strict=True):
-        at, forms = forms_along(p, around.bins, around.surface, around.circles)
-        is_steady = verdict.steady >= _STEADY
-        for s in formed_stretches(at, forms, is_steady, p.height_m, around.circles, around.config):
-            if s.section.kind == "barrier":
-                yield _Shown(p, verdict, s, nothing)
 
 
 def _likely_rail(found: Stretch, lid: float) -> list[Stretch]:

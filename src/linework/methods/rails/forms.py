@@ -20,16 +20,13 @@ from linework.kernels.radon.sections import EdgeShape
 from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.outlines import ON_OUTLINE_M, SECTION_CELL_M, OutlineFit
+from linework.methods.rails.outlines import OutlineFit
 from linework.methods.rails.placed import PlacedRail, above_beside_m, road_noise_m
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.sections import (
-    MOST_TOP_SHARE,
     NOTHING,
-    TOP_HEIGHT_M,
     SectionForm,
-    centres_of,
     form_of_bars,
     form_of_section,
     sections_at,
@@ -51,8 +48,6 @@ _MOST_BEAM_M = 0.30
 #: What is followed changes to another beam where it rises or falls by more within a window: pipes are 0.2 m and more
 #: apart, ends dip by 0.35 m, and show their form all the same. [m]
 _OTHER_BEAM_M = 0.10
-#: Height of the face under a lid by which it is found: that of a W-beam and its noise. [m]
-_FACE_M = 0.36
 #: Fits of an upper edge, each about the one before.
 _ROUNDS = 2
 #: Weight of points above an edge, per equal area: twice, as for a W-beam.
@@ -355,48 +350,6 @@ def fitted_again(
             fit = replace(fit, xy=xy + band.axis_m * left)
         fits.append(fit)
     return fits
-
-
-def on_faces(
-    rails: list[FittedRail], bins: Bins, circles: CircleConfig, config: ProfileConfig
-) -> list[FittedRail]:
-    """Return rails fitted again where the face under their edge is.
-
-    What is followed slides across the lid of a barrier, where as many points are as on its face: under the lid the
-    densest strip is the face.
-    """
-    chains = []
-    for rail in rails:
-        nodes, each = _nodes(rail), np.arange(len(rail.xy))
-        turned = _are_turned(nodes[:, 2])
-        counts = sections_at(nodes, np.column_stack([each, each + 1]), bins, circles)
-        across_m, number = faces_of(_turned(counts, turned))
-        left = np.column_stack([-np.sin(nodes[:, 2]), np.cos(nodes[:, 2])])
-        xy = rail.xy + np.where(turned, -across_m, across_m)[:, None] * left
-        chains.append(np.column_stack([xy, rail.top_m, number, rail.measured]))
-    return fit_rails(chains, bins, circles, config)
-
-
-def faces_of(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where across the densest strip under the lids of stations (k, heights, widths) is, (k,) [m], and its points (k,).
-
-    It is as wide as the points of one surface are; where there is none, it is at 0.
-    """
-    z, u = centres_of(counts[0])
-    number = counts[:, (z < -2.0 * TOP_HEIGHT_M) & (z > -_FACE_M)].sum(axis=1)
-    half = round(ON_OUTLINE_M / SECTION_CELL_M)
-    strips = np.lib.stride_tricks.sliding_window_view(
-        np.pad(number, ((0, 0), (half, half))), 2 * half + 1, axis=1
-    )
-    at = np.argmax(strips.sum(axis=2), axis=1)
-    weight = np.where(np.abs(np.arange(len(u))[None] - at[:, None]) <= half, number, 0.0)
-    total = weight.sum(axis=1)
-    return np.sum(weight * u, axis=1) / np.maximum(total, 1.0), total
-
-
-def is_on_lid(forms: list[SectionForm]) -> bool:
-    """Return whether a window of a rail shows no form, but one thing with a lid."""
-    return any(not s.form and len(s.bands) == 1 and s.bands[0].top_share >= MOST_TOP_SHARE for s in forms)
 
 
 def _nodes(rail: FittedRail) -> FloatArray:

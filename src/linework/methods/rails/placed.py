@@ -11,9 +11,8 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along, offsets_of
 from linework.methods.rails.circles import Bins
-from linework.methods.rails.profile import ProfileConfig, VerticalProfile
 from linework.methods.rails.rails import FittedRail
-from linework.methods.rails.verdict import NodeScores, classify
+from linework.methods.rails.verdict import NodeScores
 from linework.surface.road import Ground, height_above_ground, height_above_road
 
 #: Nodes within this distance of a barrier's edge are on its foot: that of a New Jersey profile stands 0.22 m before the
@@ -66,23 +65,6 @@ def place_rails(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[Pl
         PlacedRail(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
         for rail, (a, b) in zip(rails, ends, strict=True)
     ]
-
-
-def judged(placed: list[PlacedRail], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
-    """Return the scores of each rail; rails are many and short, so all are classified at once.
-
-    `paired` holds for each rail which of its nodes (n,) bool have a guardrail beside them.
-    """
-    if not placed:
-        return []
-    profile = VerticalProfile.joined([p.rail.profile for p in placed])
-    columns = (
-        np.concatenate([p.rail.wobble for p in placed]),
-        np.concatenate([p.height_m for p in placed]),
-        np.concatenate([p.above_ground_m for p in placed]),
-        np.concatenate(paired),
-    )
-    return classify(profile, *columns, config).split(profile.offsets)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,11 @@ from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
 from linework.methods.rails.formed import Surroundings, with_forms
-from linework.methods.rails.placed import NEW_JERSEY_FOOT_M, PlacedRail, Stretch, judged, place_rails
-from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig
+from linework.methods.rails.placed import NEW_JERSEY_FOOT_M, PlacedRail, Stretch, place_rails
+from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile
 from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, near_chosen
-from linework.methods.rails.verdict import NodeScores
+from linework.methods.rails.verdict import NodeScores, classify
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.surface.road import Ground, height_above_ground
@@ -47,12 +47,26 @@ _LEAST_ACROSS_M = 0.12
 _LEVEL_M, _CROSSFALL = 0.10, 0.06
 
 
+def _judged(placed: list[PlacedRail], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
+    """Return the scores of each rail; rails are many and short, so all are classified at once."""
+    if not placed:
+        return []
+    profile = VerticalProfile.joined([p.rail.profile for p in placed])
+    columns = (
+        np.concatenate([p.rail.wobble for p in placed]),
+        np.concatenate([p.height_m for p in placed]),
+        np.concatenate([p.above_ground_m for p in placed]),
+        np.concatenate(paired),
+    )
+    return classify(profile, *columns, config).split(profile.offsets)
+
+
 def _judged_again(
     placed: list[PlacedRail], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
 ) -> list[NodeScores]:
     """Return the scores, recomputed for rails with another one beside them."""
     changed = [i for i, own in enumerate(paired) if own.any()]
-    again = judged([placed[i] for i in changed], [paired[i] for i in changed], config)
+    again = _judged([placed[i] for i in changed], [paired[i] for i in changed], config)
     by_number = dict(zip(changed, again, strict=True))
     return [by_number.get(i, verdict) for i, verdict in enumerate(first)]
 
@@ -80,7 +94,7 @@ def rail_lines(
     """
     placed = place_rails(rails, bins, surface)
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
-    first = judged(placed, alone, config)
+    first = _judged(placed, alone, config)
     # Classify again what runs close beside a guardrail
     beside = _beside(placed, _guardrails(placed, first, config), config)
     verdicts = _judged_again(placed, first, beside, config)
@@ -108,7 +122,7 @@ def _barriers(placed: list[PlacedRail], config: ProfileConfig) -> list[Stretch]:
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
     return [
         Stretch("barrier", p, *stretch, verdict, nothing)
-        for p, nothing, verdict in zip(placed, alone, judged(placed, alone, config), strict=True)
+        for p, nothing, verdict in zip(placed, alone, _judged(placed, alone, config), strict=True)
         for stretch in barrier_stretches(verdict, p.chainage, config)
     ]
 

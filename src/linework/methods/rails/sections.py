@@ -240,7 +240,7 @@ def form_of_section(
 
 def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float, foot: float = 0.0) -> SectionForm:
     """Return what explains a cross-section over the ground; `foot` is the side, 1 for the left, whose ground that is."""
-    z, u = centres_of(counts)
+    z, u = _centres(counts)
     found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
         return NOTHING
@@ -264,7 +264,7 @@ def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
     """Return whether it is clear under the lowest band: its points end there, above the grass or the ground."""
     if above_ground_m + lowest.low_m >= OVER_GRASS_M + HANGS_M:
         return True
-    z, u = centres_of(counts)
+    z, u = _centres(counts)
     number = counts[:, np.abs(u - lowest.axis_m) <= _MOST_UNDER_M].sum(axis=1)
     under = (z > lowest.low_m - CLEAR_UNDER_M[1]) & (z < lowest.low_m - CLEAR_UNDER_M[0])
     under &= z > OVER_GROUND_M - above_ground_m
@@ -272,8 +272,7 @@ def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
     return bool(under.any() and np.mean(number[under]) < _BAND_SHARE * np.mean(number[own]))
 
 
-def centres_of(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return heights and places across (heights,), (widths,) of the cells of a section [m]."""
+def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
     n_z, n_u = counts.shape
     rows, columns = (np.arange(n, dtype=np.float64) + 0.5 for n in (n_z, n_u))
     return DEPTHS_M[0] + rows * SECTION_CELL_M, columns * SECTION_CELL_M - HALF_SECTION_M
@@ -336,7 +335,7 @@ def _edge_of_concrete(
     which ends where grass may grow: half of the rows that it is looked for in are above that. `foot` is the only side
     that it may stand on, 0 for either.
     """
-    z, u = centres_of(counts)
+    z, u = _centres(counts)
     foot_m = above_ground_m + band.low_m
     if foot_m > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
         return None
