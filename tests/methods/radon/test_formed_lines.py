@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -50,18 +51,30 @@ def spans(found):
 
 
 def test_a_long_barrier_that_meets_a_piece_found_before_keeps_the_rest_of_its_length():
-    # 12 m by profile, of which 5 m are on a barrier of 150 m by form
-    by_form, by_profile = barrier(0.0, 301), barrier(145.0, 25)
+    # 12 m by form, of which 5 m are on a barrier of 150 m by profile
+    by_profile, by_form = barrier(0.0, 301), barrier(145.0, 25)
     found = formed._barriers_once([by_form], [by_profile], LEAST)
-    assert spans(found) == [(0.0, 144.5), (145.0, 157.0)]
+    assert spans(found) == [(145.0, 157.0), (0.0, 144.5)]
     assert [len(s.score) for s in found] == [len(s.xyz) for s in found]
 
 
-def test_barriers_found_by_profile_keep_their_line():
+def test_barriers_found_by_form_keep_their_line():
+    """They go on to the ends, which by profile are too short."""
     long, short, apart = barrier(0.0, 101), barrier(5.0, 41), barrier(0.0, 41, north_m=2.0)
-    assert spans(formed._barriers_once([long], [short], LEAST)) == [(0.0, 4.5), (25.5, 50.0), (5.0, 25.0)]
-    assert spans(formed._barriers_once([short], [long], LEAST)) == spans([long])
-    assert spans(formed._barriers_once([long], [apart], LEAST)) == spans([long, apart])
+    assert spans(formed._barriers_once([short], [long], LEAST)) == [(5.0, 25.0), (0.0, 4.5), (25.5, 50.0)]
+    assert spans(formed._barriers_once([long], [short], LEAST)) == spans([long])
+    assert spans(formed._barriers_once([apart], [long], LEAST)) == spans([apart, long])
+
+
+def test_a_wall_whose_foot_is_hidden_is_no_deep_beam():
+    def seen(top_share):
+        one = shown(0.0, 20, slice(0, 20))
+        band = replace(one.stretch.section.bands[0], top_share=top_share)
+        section = replace(one.stretch.section, bands=(band,))
+        return one._replace(stretch=replace(one.stretch, section=section))
+
+    assert np.mean(seen(0.25).score) == 1.0
+    assert np.mean(seen(0.64).score) < 0.5
 
 
 def test_stretches_of_equal_length_have_an_order_of_their_own():

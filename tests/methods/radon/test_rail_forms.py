@@ -281,14 +281,45 @@ def test_thin_layers_far_apart_are_nothing():
 
 
 def test_a_barrier_whose_foot_was_taken_for_ground_is_one():
-    """An F-shape of 0.98 m: where its foot raises the ground by 7 cm, the ground beside it shows how high it stands."""
+    """An F-shape of 0.98 m: where its foot raises the ground by 14 cm, the ground beside it shows how high it stands."""
     lid = np.column_stack([np.linspace(0.0, 0.2, 200), np.zeros(200)])
     face = np.column_stack([np.linspace(0.0, -0.055, 2000), np.linspace(0.0, -0.725, 2000)])
     slope = np.column_stack([np.linspace(-0.055, -0.17, 500), np.linspace(-0.725, -0.905, 500)])
     counts = section([lid, face, slope])
-    assert form_of_section(counts, 0.90).form == ""
-    assert form_of_section(counts, 0.90, above_beside_m=0.98).kind == "barrier"
-    assert form_of_section(section([plane(-0.97, 0.0), lid]), 0.90, above_beside_m=0.98).form == ""
+    assert form_of_section(counts, 0.84).form == ""
+    assert form_of_section(counts, 0.84, above_beside_m=(0.98, 0.50)).kind == "barrier"
+    # The foot is on the right: what the land on the left is like says nothing
+    assert form_of_section(counts, 0.84, above_beside_m=(0.84, 0.98)).form == ""
+    assert form_of_section(section([plane(-0.97, 0.0), lid]), 0.84, above_beside_m=(0.98, 0.98)).form == ""
+
+
+def f_shape(height_m, buried_m):
+    """Lid, face and what a verge of `buried_m` leaves of the slope and the toe of an F-shape; the foot on the right."""
+    z = np.array([0.0, 0.255 - height_m, 0.075 - height_m, -height_m])
+    at = np.linspace(buried_m - height_m, 0.0, 2600)
+    lid = np.column_stack([np.linspace(0.0, 0.2, 200), np.zeros(200)])
+    return [lid, np.column_stack([np.interp(at, z[::-1], [-0.2, -0.2, -0.055, 0.0]), at])]
+
+
+def test_a_barrier_whose_foot_a_verge_hides_is_one():
+    """What is left of the slope is one surface down to the verge; grass before a wall is not, and a kerb leaves it upright."""
+    assert form_of_section(section(f_shape(0.83, 0.10)), 0.73).form == "concrete"
+    rng = np.random.default_rng(4)
+    lid, wall = f_shape(0.83, 0.10)[0], plane(-0.73, 0.0)
+    grass = np.column_stack([rng.uniform(-0.25, 0.0, 300), rng.uniform(-0.72, -0.60, 300)])
+    kerb = plane(-0.72, -0.61, -0.15)
+    for before in ([], [grass], [kerb]):
+        assert form_of_section(section([lid, wall, *before]), 0.73).kind != "barrier"
+
+
+def test_a_mesh_in_the_grass_is_as_high_as_its_top_is_over_the_ground():
+    assert form_of_section(section([plane(-0.70, 0.0)]), 0.72).form == "mesh"
+    assert form_of_section(section([plane(-0.50, 0.0)]), 0.52).form == ""
+    # A verge before it that is higher than the ground under it is not of its plane
+    verge = np.column_stack([np.linspace(-0.3, -0.06, 600), np.linspace(-0.66, -0.72, 600)])
+    parts = section([plane(-0.85, 0.0)[::4], verge])
+    assert form_of_section(parts, 0.95).form == ""
+    assert form_of_section(parts, 0.95, above_beside_m=(0.70, 1.10)).form == "mesh"
 
 
 def test_what_is_seen_on_a_lid_says_nothing_about_the_face():
@@ -368,7 +399,7 @@ def levelled(monkeypatch, letters, first=0):
     monkeypatch.setattr(forms, "sections_at", sections)
     monkeypatch.setattr(forms, "_turned", lambda counts, _: counts)
     monkeypatch.setattr(forms, "form_of_section", told)
-    monkeypatch.setattr(forms, "above_beside_m", lambda _, xyz: np.zeros(len(xyz)))
+    monkeypatch.setattr(forms, "above_beside_m", lambda _, xyz: np.zeros((len(xyz), 2)))
     monkeypatch.setattr(forms, "road_noise_m", lambda _, xyz: np.zeros(len(xyz)))
     nowhere: Any = SimpleNamespace(origin=np.zeros(3))
     forms.forms_along(followed, nowhere, nowhere, CircleConfig())

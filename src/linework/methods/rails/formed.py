@@ -72,6 +72,11 @@ class _Shown(NamedTuple):
         score = np.asarray(self.verdict.steady[self.stretch.run] * explained)
         if self.stretch.section.form == "mesh":
             score = np.where(self.verdict.open_[self.stretch.run], score, _BLIND * score)
+        if self.stretch.section.form in ("w_beam", "thrie_beam"):
+            # A wall whose foot is hidden has the height of a deep beam, and a lid
+            highest = self.stretch.section.bands[0]
+            lid = highest.top_share - highest.below_share
+            score = (1.0 - lid) * score if lid >= _LID else score
         return score
 
 
@@ -148,14 +153,15 @@ def _is_more_than_high(placed: PlacedRail, stretch: FormedStretch, config: Profi
 def _barriers_once(formed: list[Stretch], profiled: list[Stretch], least: int) -> list[Stretch]:
     """Return the barriers that were found by form and by profile, each once.
 
-    Of one by form, what lies on those by profile is left out; parts of at least `least` nodes remain.
+    Of one by profile, what lies on those by form is left out, which go on to the ends; parts of at least `least` nodes
+    remain.
     """
-    of_profiled = in_plan(profiled)
+    of_formed = in_plan(formed)
     out = []
-    for s in formed:
-        near = near_nodes(s.xyz, of_profiled)
+    for s in profiled:
+        near = near_nodes(s.xyz, of_formed)
         out += [_part(s, run) for run in long_runs(~near, least)] if near.any() else [s]
-    return out + profiled
+    return formed + out
 
 
 def _part(s: Stretch, part: slice) -> Stretch:

@@ -104,10 +104,11 @@ def forms_along(
     above = placed.above_ground_m[at_asked]
     in_world = nodes[at_asked] + np.array([*bins.origin[:2], 0.0, bins.origin[2]])
     beside = above_beside_m(surface, in_world)
+    beside[is_turned] = beside[is_turned, ::-1]
     noise = road_noise_m(surface, placed.xyz[at_asked, :2])
     forms = [
         form_of_section(*seen)
-        for seen in zip(held, above.tolist(), noise.tolist(), beside.tolist(), strict=True)
+        for seen in zip(held, above.tolist(), noise.tolist(), map(tuple, beside.tolist()), strict=True)
     ]
     height_m = placed.height_m
     is_between = _are_between_rails(at_asked, forms)

@@ -110,15 +110,14 @@ def near_nodes(xyz: FloatArray, nodes: cKDTree) -> BoolArray:
 
 
 def above_beside_m(surface: Ground, nodes: FloatArray) -> FloatArray:
-    """Return the height of edges (n, 4) x, y, heading, z above the ground beside them, (n,) [m].
+    """Return the height of edges (n, 4) x, y, heading, z above the ground to the right and left of them, (n, 2) [m].
 
-    The foot of a concrete barrier is taken for ground, which is then centimetres too high there. Of the two sides the
-    higher ground counts: behind a barrier the land may fall away.
+    The foot of a concrete barrier is taken for ground, which is then centimetres too high under its edge.
     """
     left = np.column_stack([-np.sin(nodes[:, 2]), np.cos(nodes[:, 2]), np.zeros(len(nodes))])
     edge = nodes[:, [0, 1, 3]]
     sides = [height_above_ground(surface, edge + s * _BESIDE_FOOT_M * left) for s in (-1.0, 1.0)]
-    return np.asarray(np.fmin(*sides), dtype=np.float64)
+    return np.column_stack(sides).astype(np.float64)
 
 
 def road_noise_m(surface: Ground, xy: FloatArray) -> FloatArray:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import erf
 
 import numpy as np
 
@@ -22,10 +21,10 @@ from linework.kernels.radon import sections as kernels
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
 from linework.methods.rails.outlines import (
-    ON_OUTLINE_M,
     SECTION_CELL_M,
     OutlineFit,
     bars_of,
+    least_thin,
     on_outline_m,
     plate_of,
 )
@@ -75,8 +74,6 @@ HIGHEST_ROPE_M = 1.20
 HANGS_M, CLEAR_UNDER_M, OVER_GROUND_M = 0.05, (0.01, 0.04), 0.05
 #: Half width of what is under a beam: half of a beam's depth, and noise. [m]
 _MOST_UNDER_M = 0.10
-#: Noise of a survey up to which more or less of it makes no difference: 5 cm are 2.5 times as much. [m]
-USUAL_NOISE_M = 0.02
 #: A fence of mesh is between this high, so that a scanner on a roof sees over it; and ends this near the ground: a kerb,
 #: grass and the plinth that it stands on or behind hide its foot, and stand there as a band of their own. [m]
 FENCE_M, FENCE_FOOT_M = (0.60, 1.60), 0.40
@@ -87,6 +84,9 @@ MOST_TOP_SHARE = 0.2
 #: slope; the foot is as high as the toe of a New Jersey profile and the slope above; it stands before the top edge by 0.19
 #: to 0.25 m less what grass hides (MASH, BS 6579-7). [m]
 CONCRETE_M, UNDER_TOP_M, FOOT_HEIGHT_M, FOOT_BEFORE_M = 0.45, (0.03, 0.15), 0.12, (0.06, 0.30)
+#: Least that a face slopes above a foot that a verge hides: half of an F-shape's 0.055 m; on a kerb walls are upright. [m]
+SLOPE_BEFORE_M = 0.03
+MOST_FOOT_M = 0.33  # a New Jersey's, which raises a cell of ground by half of that at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,8 +202,8 @@ def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: Circl
 
 
 def form_of_section(
-    counts: FloatArray, above_ground_m: float, noise_m: float = 0.0, above_beside_m: float = 0.0
-) -> SectionForm:
+    counts: FloatArray, above_ground_m: float, noise_m: float = 0.0, above_beside_m: tuple[float, float] | None = None
+) -> SectionForm:  # fmt: skip
     """Return what explains a cross-section.
 
     Parameters
@@ -215,8 +215,7 @@ def form_of_section(
     noise_m
         Standard deviation of the survey's points there; up to 2 cm make no difference. [m]
     above_beside_m
-        Height of the followed edge above the ground beside it, if that is lower: the foot of a concrete barrier is taken
-        for ground. [m]
+        The same to the right and to the left: concrete's foot is taken for ground, verges hide that of a fence. [m]
 
     A board of 12 cm, and nothing else:
 
@@ -227,14 +226,20 @@ def form_of_section(
     ([('flat', 0.12)], '')
     """
     form = _form_over(counts, above_ground_m, noise_m)
-    if form.form or above_beside_m <= above_ground_m or len(form.bands) != 1:
+    if form.form or above_beside_m is None or len(form.bands) != 1:
         return form
-    beside = _form_over(counts, above_beside_m, noise_m)
-    return beside if beside.kind == "barrier" else form
+    for side, beside_m in zip((-1.0, 1.0), above_beside_m, strict=True):
+        is_raised = above_ground_m < beside_m <= above_ground_m + 0.5 * MOST_FOOT_M
+        beside = _form_over(counts, beside_m, noise_m, foot=side) if is_raised else form
+        if beside.kind == "barrier":
+            return beside
+    nearest_m = float(np.fmin(*above_beside_m))
+    over_verge = _form_over(counts, nearest_m, noise_m) if nearest_m < above_ground_m else form
+    return over_verge if over_verge.form == "mesh" else form
 
 
-def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float) -> SectionForm:
-    """Return what explains a cross-section over the ground."""
+def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float, foot: float = 0.0) -> SectionForm:
+    """Return what explains a cross-section over the ground; `foot` is the side, 1 for the left, whose ground that is."""
     z, u = _centres(counts)
     found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
@@ -247,7 +252,7 @@ def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float) -> Sec
         return NOTHING
     on_m = on_outline_m(noise_m)
     bands = tuple(_explained(found, z, u, edge, on_m) for edge in edges)
-    edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m) if len(bands) == 1 else None
+    edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m, foot) if len(bands) == 1 else None
     if edge_m is not None:
         faced = _faced(_under_lid(found, z, bands[0]), u, on_m)
         face = replace(bands[0], axis_m=edge_m, explained=faced)
@@ -321,11 +326,14 @@ def _explained(
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below)
 
 
-def _edge_of_concrete(counts: FloatArray, band: Band, above_ground_m: float, on_m: float) -> float | None:
+def _edge_of_concrete(
+    counts: FloatArray, band: Band, above_ground_m: float, on_m: float, foot: float
+) -> float | None:
     """Return where across the top edge of a concrete barrier is [m], None where the band is not the face of one.
 
     That is one surface from the top edge to a foot before it, and a lid behind. The foot may be lower than the band,
-    which ends where grass may grow: half of the rows that it is looked for in are above that.
+    which ends where grass may grow: half of the rows that it is looked for in are above that. `foot` is the only side
+    that it may stand on, 0 for either.
     """
     z, u = _centres(counts)
     foot_m = above_ground_m + band.low_m
@@ -336,14 +344,18 @@ def _edge_of_concrete(counts: FloatArray, band: Band, above_ground_m: float, on_
     face = _middles(counts, u)
     upper = face[(z < band.high_m - UNDER_TOP_M[0]) & (z > band.high_m - UNDER_TOP_M[1])]
     lowest = OVER_GROUND_M - above_ground_m if foot_m < OVER_GRASS_M + CLEAR_UNDER_M[1] else band.low_m
-    lower = face[(z > lowest) & (z < band.low_m + FOOT_HEIGHT_M)]
-    if np.isnan(upper).all() or np.isnan(lower).all():
+    lower = (z > lowest) & (z < band.low_m + FOOT_HEIGHT_M)
+    if np.isnan(upper).all() or np.isnan(face[lower]).all():
         return None
     edge = float(np.nanmedian(upper))
-    before = float(np.nanmedian(lower)) - edge
-    # What is followed lies on the face, not on the lid behind the edge
-    on_face = -edge * np.sign(before) >= -on_m
-    return edge if on_face and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
+    before = float(np.nanmedian(face[lower])) - edge
+    toe = lower & (z < lowest + FOOT_HEIGHT_M)
+    slopes = abs(before) >= SLOPE_BEFORE_M and counts[toe].sum() >= _DENSE_POINTS
+    if slopes and _faced(counts[toe], u, on_m) >= fitted.LEAST_FACED:
+        # One surface down to there, which grass is not
+        before = float(np.nanmedian(face[toe])) - edge
+    is_on_side = before * foot >= 0.0 and -edge * np.sign(before) >= -on_m
+    return edge if is_on_side and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
 
 
 def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
@@ -365,16 +377,6 @@ def _faced(counts: FloatArray, u: FloatArray, on_m: float) -> float:
     return float(np.sum(counts * near) / max(counts.sum(), 1.0))
 
 
-def _least_thin(noise_m: float) -> float:
-    """Return the share of the points of a sheet without thickness that lies within 5 cm of it, less what mesh loses.
-
-    >>> round(_least_thin(0.01), 3), round(_least_thin(0.03), 3)
-    (0.95, 0.87)
-    """
-    usual, here = (erf(ON_OUTLINE_M / (np.sqrt(2.0) * max(sigma, USUAL_NOISE_M))) for sigma in (0.0, noise_m))
-    return fitted.LEAST_THIN * here / usual
-
-
 def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, hangs: bool) -> SectionForm:
     """Return the form of which these beams, the highest first, are the section."""
     sure = tuple(band for band in bands if band.explained >= fitted.LEAST_EXPLAINED)
@@ -384,9 +386,10 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, han
     pitch = max((a.high_m - b.high_m for a, b in pairwise(bands)), default=0.0)
     foot = above_ground_m + bands[-1].low_m
     is_alone = all(above_ground_m + band.high_m <= FENCE_FOOT_M for band in bands[1:])
-    is_low = is_alone and foot <= FENCE_FOOT_M and FENCE_M[0] <= heights[0] <= FENCE_M[1]
-    # A wall and a concrete barrier have a top that is seen from above
-    is_mesh = is_low and bands[0].explained >= _least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
+    hidden = foot if foot < OVER_GRASS_M + CLEAR_UNDER_M[1] else 0.0
+    is_high = heights[0] + hidden >= FENCE_M[0] and heights[0] <= FENCE_M[1]
+    is_low = is_alone and foot <= FENCE_FOOT_M and is_high
+    is_mesh = is_low and bands[0].explained >= least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
     kind, form = "", ""
     if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
         kind, form = "guardrail", "w_beam"
