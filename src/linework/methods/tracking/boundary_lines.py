@@ -44,6 +44,8 @@ POOR_ROAD_M, CLASSES_APART = 0.0066, 4.0
 #: by as much more for a metre between them: the standard deviation of the direction of an end, three times; and where they
 #: overlap by less than a search area is long. [m, -, m]
 END_OFFSET_M, END_TURN, OVERLAP_M = 0.15, 0.1, 1.0
+#: No ends that lead to each other are farther apart. [m]
+ENDS_APART_M = LONGEST_DROP_M + OVERLAP_M
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
@@ -221,11 +223,17 @@ def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
     A pavement's edge is a step here and a change of brightness behind the next bush; boxes of each are tracked by
     themselves. The best pair of ends is joined first, and every end once.
     """
+    if not boundaries:
+        return []
+    starts = cKDTree([b.line.xyz[0, :2] for b in boundaries])
+    near = starts.query_ball_point([a.line.xyz[-1, :2] for a in boundaries], ENDS_APART_M)
     pairs = sorted(
         (distance, i, j)
         for i, a in enumerate(boundaries)
-        for j, b in enumerate(boundaries)
-        if i != j and a.form == b.form and (distance := _from_end_to_start(a.line, b.line)) < math.inf
+        for j in near[i]
+        if i != j
+        and a.form == boundaries[j].form
+        and (distance := _from_end_to_start(a.line, boundaries[j].line)) < math.inf
     )
     after: dict[int, int] = {}
     before: dict[int, int] = {}
