@@ -118,8 +118,15 @@ def edge_found(work, v_m, turn_deg=0.0):
 def test_an_edge_lies_where_the_shadow_of_the_pavement_begins():
     # A verge 0.10 m lower, and 0.10 x 5 / 2.4 = 0.21 m of it hidden
     seen = [place(seed, lambda v: np.where(v < 0.0, -0.10, 0.0), seen_from_m=5.0) for seed in range(8)]
-    for turn_deg in (0.0, 15.0, -15.0):
-        v, direction, sigma = np.transpose([edge_found(work, -0.10, turn_deg) for work in seen])
+    for turn_deg, v_m in (
+        (0.0, -0.10),
+        (15.0, -0.10),
+        (-15.0, -0.10),
+        (0.0, 0.0),
+        (0.0, -0.18),
+        (0.0, -0.20),
+    ):
+        v, direction, sigma = np.transpose([edge_found(work, v_m, turn_deg) for work in seen])
         assert np.all(sigma > 0.0)
         assert np.all(np.abs(v) <= 0.03)
         assert np.all(np.abs(direction) <= 7.0)
@@ -143,3 +150,12 @@ def test_gaps_between_rows_of_points_are_no_shadow():
     )
     work[:, 1] += rng.normal(0.0, 0.01, len(v))
     assert edge_found(work, 0.0)[2] == edge_found(work, -0.1)[2] == 0.0
+
+
+@pytest.mark.parametrize("v_m", [0.0, -0.02])
+def test_where_points_end_there_is_no_shadow(v_m):
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        u, v = rng.uniform(-0.8, 0.8, 1000), rng.uniform(0.0, 0.8, 1000)
+        work = np.column_stack([u, v, rng.normal(0.0, 0.003, 1000), np.ones(1000)])
+        assert edge_found(work, v_m)[2] == 0.0

@@ -49,8 +49,10 @@ def test_an_edge_is_one_line_whatever_shows_it():
         stretch(31.0, 45.0, BoxForm.CHANGE),
         stretch(21.0, 35.0, BoxForm.CHANGE, heading_deg=-40.0),
         stretch(20.5, 35.0, BoxForm.KERB),
+        stretch(20.0, 35.0, BoxForm.CHANGE, y=0.05, heading_deg=90.0),
+        stretch(20.0, 40.0, BoxForm.CHANGE, y=0.12, heading_deg=180.0),
     ],
-    ids=["beside it", "11 m on", "in another direction", "of another form"],
+    ids=["beside it", "11 m on", "in another direction", "of another form", "round a corner", "back"],
 )
 def test_what_does_not_continue_an_edge_stays_a_line_of_its_own(second):
     lines = boundaries(stretch(0.0, 20.0, BoxForm.EDGE), second)
@@ -59,9 +61,12 @@ def test_what_does_not_continue_an_edge_stays_a_line_of_its_own(second):
 
 
 def test_pieces_that_overlap_run_on_without_going_back():
-    line = boundaries(stretch(0.0, 20.0, BoxForm.EDGE), stretch(19.4, 40.0, BoxForm.CHANGE, y=0.05))
-    assert len(line) == 1
-    assert np.all(np.diff(line.xyz[:, 0]) > 0.0)
+    for y in (0.05, 0.13):
+        line = boundaries(stretch(0.0, 20.0, BoxForm.EDGE), stretch(19.4, 40.0, BoxForm.CHANGE, y=y))
+        assert len(line) == 1
+        step = np.diff(line.xyz, axis=0)
+        assert np.all(step[:, 0] > 0.0)
+        assert np.abs(np.arctan2(step[:, 1], step[:, 0])).max() < 0.3
 
 
 def test_the_order_of_the_boxes_does_not_matter():

@@ -103,14 +103,18 @@ def _before_shadow(
 
     Parameters as for `measure_step`.
     """
-    vx, vy = out[STEP_VX], out[STEP_VY]
+    frame = -out[STEP_VX], -out[STEP_VY]
     middle = 0.5 * (out[STEP_FOOT] + out[STEP_TOP])
-    vx, vy, v, sigma = edge_before_shadow(work, n, (-vx, -vy), -middle, (scale, half_u), STEP_NEAR_BINS)
+    vx, vy, v, sigma = edge_before_shadow(work, n, frame, -middle, (scale, half_u), STEP_NEAR_BINS)
     if sigma == 0.0:
         return
     turned, plain = first.copy(), out.copy()
     turned[CLEAREST_VX], turned[CLEAREST_VY] = -vx, -vy
-    if not measure_step(work, n, turned, (0.0, 0.0), scale, half_u, out):
+    # A face says more than a shadow
+    if (
+        not measure_step(work, n, turned, (0.0, 0.0), scale, half_u, out)
+        or out[STEP_N_FACE] >= FACE_POINTS_LEAST
+    ):
         out[:] = plain
         return
     out[STEP_VX], out[STEP_VY] = -vx, -vy
@@ -288,7 +292,7 @@ def filled_shares(
 def edge_before_shadow(
     work: FloatArray, n: int, frame: tuple[float, float], v: float, reach: tuple[float, float], near: int
 ) -> tuple[float, float, float, float]:
-    """Return where the ground of positive v ends before a shadow: unit vector v, v and its sigma [m]; sigma 0: none there.
+    """Return unit vector v, v and its sigma [m] of the end of the ground of positive v before a shadow; sigma 0: no shadow.
 
     Behind an edge above a lower verge lies the scanner's shadow. What changes may change anywhere in it and along any line
     through it, but the edge is where it begins, and runs in the direction in which it is longest.
@@ -311,22 +315,22 @@ def edge_before_shadow(
     at = int(np.floor(-v / step)) + SHADOW_TOP_BINS
     # The shadow's axis points away from the pavement
     vx, vy = -frame[0], -frame[1]
-    best, begin = 0, 0
+    best, begin = 0, 0.0
     for turns in TURNS_IN_SHADOW:
-        x0, y0, sum_x, sum_y = vx, vy, 0.0, 0.0
+        x0, y0, sum_x, sum_y, begins, found = vx, vy, 0.0, 0.0, 0.0, 0.0
         for turn in turns:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
             _count_across(work, n, (x, y), reach, counts, heights)
             is_turned = x != -frame[0] or y != -frame[1]
             first, length = _sparse_bins(counts, at, near, TURNED_SURPRISE if is_turned else SHADOW_SURPRISE)
             if length > best:
-                best, begin, sum_x, sum_y = length, first, 0.0, 0.0
+                best, sum_x, sum_y, begins, found = length, 0.0, 0.0, 0.0, 0.0
             if length == best and length > 0:
                 # The middle of the directions in which it is as long
-                sum_x, sum_y = sum_x + x, sum_y + y
+                sum_x, sum_y, begins, found = sum_x + x, sum_y + y, begins + first, found + 1.0
         size = np.hypot(sum_x, sum_y)
         if size > 0.0:
-            vx, vy = sum_x / size, sum_y / size
+            vx, vy, begin = sum_x / size, sum_y / size, begins / found
     if best == 0:
         return frame[0], frame[1], v, 0.0
     # From the fourth last point on, by the average distance to the edge beyond it
@@ -354,20 +358,31 @@ def _sparse_bins(counts: FloatArray, at: int, near: int, least: float) -> tuple[
     least: smallest logarithm of the likelihood of so few points in a shadow over that by chance; without any, it is the
     number expected.
     """
+    low = min(max(at - SHADOW_TOP_BINS, 0), N_SHADOW_BINS)
+    usual = np.mean(counts[low:at]) if low < min(at, N_SHADOW_BINS) else 0.0
+    sparse = SHADOW_SHARE * usual
     high = N_SHADOW_BINS
-    while high > at and counts[high - 1] == 0.0:
+    while high > low and counts[high - 1] < sparse:
         high -= 1
-    low = max(at - SHADOW_TOP_BINS, 0)
-    usual = np.mean(counts[low:at]) if at > low else 0.0
-    first, length, other, run = 0, 0, 0, 0
+    first, length, run = 0, 0, 0
     for k in range(low, high):
-        run = run + 1 if counts[k] < SHADOW_SHARE * usual else 0
-        if k - run + 1 > at + near or k < at - near:
-            other = max(other, run)
-        elif run > length:
+        run = run + 1 if counts[k] < sparse else 0
+        if run > length and k - run + 1 <= at + near and k >= at - near:
             first, length = k - run + 1, run
+    beyond = first + length
+    # Where the points end there is no shadow
+    if length == 0 or first == low or high - beyond < LEAST_SHADOW_BINS:
+        return 0, 0
+    other = run = 0
+    for k in range(low, high):
+        run = run + 1 if counts[k] < sparse and not first <= k < beyond else 0
+        other = max(other, run)
     # Where few points are expected, their absence may be chance; rows of points are as far apart elsewhere
-    expected, seen = length * usual, np.sum(counts[first : first + length])
+    before, behind = np.mean(counts[low:first]), np.mean(counts[beyond : beyond + LEAST_SHADOW_BINS])
+    expected, seen = length * before, np.sum(counts[first:beyond])
+    # With fewer points behind it they end there, askew
+    if behind < SPARSE * before or seen >= expected:
+        return 0, 0
     surprise = expected - seen + (seen * np.log(seen / expected) if seen > 0.0 else 0.0)
     if surprise < least or (other > 1 and 2 * other >= length):
         return 0, 0

@@ -18,7 +18,13 @@ from linework.methods.tracking.arrangement import FACING_M
 from linework.methods.tracking.fitted import LEAST_BOUNDARY_SCORE, SHARED_EDGE
 from linework.methods.tracking.marking_lines import confidence_of
 from linework.methods.tracking.neighbours import LineAxis
-from linework.methods.tracking.smooth import SMOOTH_STATION_M, SmoothLine, smooth_line, smooth_value
+from linework.methods.tracking.smooth import (
+    GRADE_CHANGE,
+    SMOOTH_STATION_M,
+    SmoothLine,
+    smooth_line,
+    smooth_value,
+)
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
@@ -44,8 +50,9 @@ POOR_ROAD_M, CLASSES_APART = 0.0066, 4.0
 #: by as much more for a metre between them: the standard deviation of the direction of an end, three times; and where they
 #: overlap by less than a search area is long. [m, -, m]
 END_OFFSET_M, END_TURN, OVERLAP_M = 0.15, 0.1, 1.0
-#: No ends that lead to each other are farther apart. [m]
-ENDS_APART_M = LONGEST_DROP_M + OVERLAP_M
+#: Cosine of the largest turn from one end to the other (25 degrees): kerbs round corners turn by as much over 3 m at a
+#: radius of 7 m. And no two such ends are farther apart than this. [-, m]
+LEAST_END_COSINE, ENDS_APART_M = 0.906, LONGEST_DROP_M + OVERLAP_M
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Noise of the ground behind a step over that of the floor before it, from which on it is no stone or paving: three
@@ -233,6 +240,7 @@ def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
         for j in near[i]
         if i != j
         and a.form == boundaries[j].form
+        and _has_top(a) == _has_top(boundaries[j])
         and (distance := _from_end_to_start(a.line, boundaries[j].line)) < math.inf
     )
     after: dict[int, int] = {}
@@ -249,6 +257,11 @@ def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
                 whole = _joined_boundary(whole, boundaries[k])
             found.append(whole)
     return found
+
+
+def _has_top(boundary: SmoothBoundary) -> bool:
+    """Return whether the top edge of a step is known along a boundary."""
+    return bool(np.isfinite(boundary.top.xyz).all())
 
 
 def _last_of(after: dict[int, int], i: int) -> int:
@@ -274,11 +287,12 @@ def _from_end_to_start(a: SmoothLine, b: SmoothLine) -> float:
 
 def _joined_boundary(a: SmoothBoundary, b: SmoothBoundary) -> SmoothBoundary:
     """Return two boundaries as one that runs through a, then b."""
-    # Where they overlap, up to the start of b
+    # Up to the start of b, and farther back where it lies beside a, so that the line turns by little
     start, along = b.line.xyz[0, :2], np.array([b.line.normal[0, 1], -b.line.normal[0, 0]])
-    kept = (a.line.xyz[:, :2] - start) @ along < 0.0
+    off = abs(float((a.line.xyz[-1, :2] - start) @ b.line.normal[0]))
+    kept = (a.line.xyz[:, :2] - start) @ along < -off / (2.0 * END_TURN)
     kept |= a.line.t_m < a.line.t_m[-1] - 2.0 * OVERLAP_M
-    n = int(np.count_nonzero(kept)) if kept.any() else len(kept)
+    n = len(kept) if kept.all() else int(np.argmin(kept))
     line = _joined_line(a.line, n, b.line)
 
     def over_all(left: FloatArray, right: FloatArray) -> FloatArray:
@@ -303,7 +317,7 @@ def _joined_boundary(a: SmoothBoundary, b: SmoothBoundary) -> SmoothBoundary:
     return SmoothBoundary(
         line, top, np.concatenate([a.boxes, b.boxes]), a.form, over_all(a.height_m, b.height_m),
         float(weight @ [a.confidence, b.confidence]),
-        (min(a.times_s[0], b.times_s[0]), max(a.times_s[1], b.times_s[1])),
+        (float(np.fmin(a.times_s[0], b.times_s[0])), float(np.fmax(a.times_s[1], b.times_s[1]))),
         np.concatenate([a.scores, b.scores]), np.concatenate([a.contrasts, b.contrasts]),
         np.concatenate([a.rougher, b.rougher]), float(weight @ [a.on_road, b.on_road]),
     )  # fmt: skip
@@ -328,13 +342,16 @@ def _joined_line(a: SmoothLine, n: int, b: SmoothLine) -> SmoothLine:
     xyz += at * (1.0 - at) ** 2 * ends[0] - at**2 * (1.0 - at) * ends[1]
     normal = (1.0 - at) * a.normal[n - 1] + at * b.normal[0]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    # Between ends whose directions are known to a third of what is allowed
-    away = END_TURN / 3.0 * gap * (at * (1.0 - at))[:, 0]
+    # Between ends whose directions are known to a third of what is allowed, and whose grades change as roads' do
+    away = np.array([END_TURN / 3.0 * gap, math.sqrt(GRADE_CHANGE * gap**3 / 12.0)]) * at * (1.0 - at)
     sigma_xy, sigma_z = (
         np.concatenate(
-            [left[:n], np.hypot((1.0 - at[:, 0]) * left[n - 1] + at[:, 0] * right[0], away), right]
+            [left[:n], np.hypot((1.0 - at[:, 0]) * left[n - 1] + at[:, 0] * right[0], more), right]
         )
-        for left, right in ((a.sigma_xy_m, b.sigma_xy_m), (a.sigma_z_m, b.sigma_z_m))
+        for left, right, more in (
+            (a.sigma_xy_m, b.sigma_xy_m, away[:, 0]),
+            (a.sigma_z_m, b.sigma_z_m, away[:, 1]),
+        )
     )
     start = a.t_m[n - 1]
     return SmoothLine(
@@ -415,6 +432,12 @@ def edge_lines(found: Sequence[tuple[SmoothBoundary, str]]) -> LineSet:
     return _line_set(lines, "edge_other", [edge.line for edge in lines]).with_columns(role=roles)
 
 
+def _height(boundary: SmoothBoundary) -> float:
+    """Return the median height of a boundary's step where it is known [m], else NaN."""
+    known = boundary.height_m[np.isfinite(boundary.height_m)]
+    return float(np.median(known)) if len(known) else math.nan
+
+
 def _line_set(found: Sequence[SmoothBoundary], kind: str, lines: Sequence[SmoothLine]) -> LineSet:
     """Return boundaries as lines of a kind, with these places."""
     if not found:
@@ -427,7 +450,7 @@ def _line_set(found: Sequence[SmoothBoundary], kind: str, lines: Sequence[Smooth
         sigma_xy_m=np.concatenate([line.sigma_xy_m for line in lines]),
         sigma_z_m=np.concatenate([line.sigma_z_m for line in lines]),
         bridged=np.concatenate([bridged_boundary_stations(line) for line in lines]),
-        height_m=[float(np.median(b.height_m)) for b in found],
+        height_m=[_height(b) for b in found],
         confidence=[b.confidence for b in found],
         time_start_s=[b.times_s[0] for b in found],
         time_end_s=[b.times_s[1] for b in found],
