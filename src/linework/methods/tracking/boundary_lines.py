@@ -50,8 +50,7 @@ POOR_ROAD_M, CLASSES_APART = 0.0066, 4.0
 #: by as much more for a metre between them: the standard deviation of the direction of an end, three times; and where they
 #: overlap by less than a search area is long. [m, -, m]
 END_OFFSET_M, END_TURN, OVERLAP_M = 0.15, 0.1, 1.0
-#: Cosine of the largest turn from one end to the other (25 degrees): kerbs round corners turn by as much over 3 m at a
-#: radius of 7 m. And no two such ends are farther apart than this. [-, m]
+#: Cosine of the largest turn between them, that of a corner of 7 m over 3 m; and the farthest they are apart. [-, m]
 LEAST_END_COSINE, ENDS_APART_M = 0.906, LONGEST_DROP_M + OVERLAP_M
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
@@ -240,7 +239,7 @@ def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
         for j in near[i]
         if i != j
         and a.form == boundaries[j].form
-        and _has_top(a) == _has_top(boundaries[j])
+        and np.isfinite(a.top.xyz[-1, 0]) == np.isfinite(boundaries[j].top.xyz[0, 0])
         and (distance := _from_end_to_start(a.line, boundaries[j].line)) < math.inf
     )
     after: dict[int, int] = {}
@@ -257,11 +256,6 @@ def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
                 whole = _joined_boundary(whole, boundaries[k])
             found.append(whole)
     return found
-
-
-def _has_top(boundary: SmoothBoundary) -> bool:
-    """Return whether the top edge of a step is known along a boundary."""
-    return bool(np.isfinite(boundary.top.xyz).all())
 
 
 def _last_of(after: dict[int, int], i: int) -> int:
@@ -296,7 +290,6 @@ def _joined_boundary(a: SmoothBoundary, b: SmoothBoundary) -> SmoothBoundary:
     line = _joined_line(a.line, n, b.line)
 
     def over_all(left: FloatArray, right: FloatArray) -> FloatArray:
-        """Return values of both, (m,) or (m, d), with those of the stations between them."""
         at = np.interp(line.t_m, line.t_m[[n - 1, n_behind]], [0.0, 1.0])[n:n_behind]
         between = left[n - 1] + np.multiply.outer(at, right[0] - left[n - 1])
         return np.concatenate([left[:n], between, right])
