@@ -80,3 +80,11 @@ def test_the_order_of_the_boxes_does_not_matter():
     assert boundaries(boxes).xyz.tobytes() == boundaries(mixed).xyz.tobytes()
     turned = replace(boxes, u=np.where(boxes.form[:, None] == BoxForm.CHANGE, -boxes.u, boxes.u))
     assert len(boundaries(turned)) == 1
+
+
+def test_a_step_down_goes_on_as_a_change_of_the_ground():
+    # The verge lies to the south, 12 cm lower than the pavement: seen from it the edge is a kerb
+    step = boxes_on(straight(20.0, x=20.0, heading=np.pi), form=BoxForm.KERB, noise=0.005)
+    line = boundaries(step, stretch(20.5, 40.0, BoxForm.CHANGE))
+    assert line.form.tolist() == ["edge"]
+    assert line.length_m[0] > 39.0

@@ -239,7 +239,7 @@ def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
         for j in near[i]
         if i != j
         and a.form == boundaries[j].form
-        and np.isfinite(a.top.xyz[-1, 0]) == np.isfinite(boundaries[j].top.xyz[0, 0])
+        and (a.form != FORMS[BoxForm.KERB] or np.isfinite([a.top.xyz[-1], boundaries[j].top.xyz[0]]).all())
         and (distance := _from_end_to_start(a.line, boundaries[j].line)) < math.inf
     )
     after: dict[int, int] = {}
