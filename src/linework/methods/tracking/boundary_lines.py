@@ -266,15 +266,15 @@ def _last_of(after: dict[int, int], i: int) -> int:
 
 
 def _from_end_to_start(a: SmoothLine, b: SmoothLine) -> float:
-    """Return how far the end of a is from the start of b that continues it, offsets counting tenfold [m]; inf: it does not."""
+    """Return the distance from the end of a to the start of b, offsets counted tenfold [m]; inf where b does not continue a."""
     step = b.xyz[0, :2] - a.xyz[-1, :2]
-    along, off = [], []
-    for normal in (a.normal[-1], b.normal[0]):
-        along.append(step[0] * normal[1] - step[1] * normal[0])
-        off.append(abs(step @ normal))
+    ends = a.normal[-1], b.normal[0]
+    along = [step[0] * normal[1] - step[1] * normal[0] for normal in ends]
+    off = [abs(step @ normal) for normal in ends]
     gap = max(along)
     is_near = min(along) > -OVERLAP_M and gap <= LONGEST_DROP_M
-    if not is_near or max(off) > END_OFFSET_M + END_TURN * max(gap, 0.0):
+    is_straight = ends[0] @ ends[1] >= LEAST_END_COSINE
+    if not (is_near and is_straight) or max(off) > END_OFFSET_M + END_TURN * max(gap, 0.0):
         return math.inf
     return float(abs(gap) + max(off) / END_TURN)
 
