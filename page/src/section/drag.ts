@@ -11,9 +11,10 @@ const MOVED_M = 0.001; // a shorter drag is a click
 
 export type DraggedNode = SectionNode & { from: SectionNode };
 
+// `hand`: where the pointer was pressed, in the window, which stays where it is when the section is laid out anew under it
 type Drag =
-  | { what: "node"; node: SectionNode; x: number; z: number; grip: [number, number] }
-  | { what: "pan"; px: number; py: number; centre: [number, number] };
+  | { what: "node"; node: SectionNode; x: number; z: number; hand: [number, number] }
+  | { what: "pan"; hand: [number, number]; centre: [number, number] };
 
 export class SectionDrag {
   private drag: Drag | null = null;
@@ -25,28 +26,25 @@ export class SectionDrag {
     return { ...node, x, z, from: node };
   }
 
-  press(frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], preferred: string): void {
-    const node = nodeAt(frame, nodes, [px, py], preferred);
-    if (node) {
-      const [x, z] = frame.fromPx(px, py);
-      this.drag = { what: "node", node, x: node.x, z: node.z, grip: [node.x - x, node.z - z] };
-    } else this.drag = { what: "pan", px, py, centre: [frame.x0, frame.z0] };
+  press(node: SectionNode | null, centre: [number, number], hand: [number, number]): void {
+    this.drag = node ? { what: "node", node, x: node.x, z: node.z, hand } : { what: "pan", hand, centre };
   }
 
   // Returns the new centre when panning. With `snaps`, a node snaps to the nearest point.
-  move(frame: Frame, [px, py]: [number, number], points: Points | null, snaps: boolean): [number, number] | null {
+  move(frame: Frame, hand: [number, number], points: Points | null, snaps: boolean): [number, number] | null {
     const { drag } = this;
-    if (drag?.what === "pan") {
-      return [drag.centre[0] - (px - drag.px) / frame.scale, drag.centre[1] + (py - drag.py) / (frame.scale * frame.exaggeration)];
-    }
     if (!drag) return null;
+    const [right_px, down_px] = [hand[0] - drag.hand[0], hand[1] - drag.hand[1]];
+    const [right_m, up_m] = [right_px / frame.scale, -down_px / (frame.scale * frame.exaggeration)];
+    if (drag.what === "pan") return [drag.centre[0] - right_m, drag.centre[1] - up_m];
+    const [x, z] = [drag.node.x + right_m, drag.node.z + up_m];
+    const [px, py] = frame.toPx(x, z);
     const distance = (x: number, z: number): number => {
       const [x1, y1] = frame.toPx(x, z);
       return Math.hypot(x1 - px, y1 - py);
     };
     const point = snaps && points ? pointAt(points, distance, 2 * GRAB_PX) : null;
-    const [x, z] = frame.fromPx(px, py);
-    Object.assign(drag, point ?? { x: x + drag.grip[0], z: z + drag.grip[1] });
+    Object.assign(drag, point ?? { x, z });
     return null;
   }
 

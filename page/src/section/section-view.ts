@@ -227,7 +227,8 @@ export class SectionView implements Pane {
     this.presses += 1;
     this.edge.clear();
     this.canvas.setPointerCapture(event.pointerId);
-    this.drag.press(this.frame(), this.nodes(), this.at(event), this.line?.id ?? "");
+    const node = nodeAt(this.frame(), this.nodes(), this.at(event), this.line?.id ?? "");
+    this.drag.press(node, this.centre, [event.clientX, event.clientY]);
     this.draw();
   }
 
@@ -238,7 +239,7 @@ export class SectionView implements Pane {
       return;
     }
     if (!this.drag.isActive) return;
-    this.centre = this.drag.move(this.frame(), this.at(event), this.points, event.shiftKey) ?? this.centre;
+    this.centre = this.drag.move(this.frame(), [event.clientX, event.clientY], this.points, event.shiftKey) ?? this.centre;
     this.edge.clear();
     if (event.shiftKey) this.snap();
     this.draw();

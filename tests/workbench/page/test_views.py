@@ -76,6 +76,31 @@ def test_dragging_a_node_of_the_section_sets_the_height_a_person_wants(views: tu
     assert np.abs(saved.xyz[saved.offsets[i] : saved.offsets[i + 1]] - new).sum(axis=1).min() < 1e-3
 
 
+def test_a_drag_is_not_moved_by_a_section_that_is_laid_out_anew(views: tuple[Any, Served]) -> None:
+    page, _ = views
+    node = _node(page, "kerb_top")
+    box = page.locator(".section-view canvas").bounding_box()
+    x, y = box["x"] + node["px"][0], box["y"] + node["px"][1]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 5.0, y - 5.0)
+
+    # As when a reading of the table below takes another row while points arrive
+    page.evaluate(
+        "document.querySelector('.section-picture').style = 'flex: none; height: 110px; margin-top: 9px'"
+    )
+    wait_until(lambda: page.locator(".section-view canvas").bounding_box()["height"] < box["height"] - 20.0)
+    page.mouse.move(x + box["width"] / 12.0 * 0.5, y - box["width"] / 12.0 * 0.25)
+
+    said = re.search(
+        r"moved \+([\d.]+) m across, \+([\d.]+) m up", page.locator(".section-view").inner_text()
+    )
+    assert said is not None
+    assert [float(said[1]), float(said[2])] == pytest.approx([0.5, 0.25], abs=0.015)
+    page.locator(".section-view").press("Escape")
+    page.mouse.up()
+
+
 def test_a_section_is_stepped_along_the_selected_line_and_read(views: tuple[Any, Served]) -> None:
     page, served = views
     top = _node(page, "kerb_top")
