@@ -105,6 +105,14 @@ def test_hedges_walls_and_few_points_have_no_form():
     assert form_of_section(section([plane(-0.01, 0.0)]), TOP_M).form == ""
 
 
+@pytest.mark.parametrize("height_m", [0.30, 0.50])
+def test_what_a_car_leaves_of_a_fence_is_no_beam(height_m):
+    # As high as a W-beam or a thrie beam, and clear of the ground, but flat
+    assert form_of_section(section([plane(-height_m, 0.0)]), 1.30).form == ""
+    assert form_of_section(section([plane(-height_m, 0.0)]), 0.95, noise_m=0.03).form == ""
+    assert form_of_section(section([folded(-0.506, 3)]), 0.95, noise_m=0.02).form == "thrie_beam"
+
+
 def scanned(outline, down_deg, noise_m=0.018, side=1.0, half=0.06, n=300):
     """Points of an outline that evenly spaced beams from one side meet, their noise in height a third of that across."""
     rng = np.random.default_rng(11)

@@ -23,6 +23,8 @@ from linework.methods.rails import fitted
 #: columns of a view, the step between tried places across. [m]
 SECTION_CELL_M = 0.01
 _PLACE_STEP_M = 0.5 * SECTION_CELL_M
+#: Depth of W-beams and thrie beams, from crest to valley (EN 1317 A and B, AASHTO M 180). [m]
+FOLD_DEPTH_M = 0.081
 #: Farthest place of the middle of an outline, the thickest pipe in use is 0.2 m, and the places of plates. [m]
 _MOST_ACROSS_M = 0.20
 _PLACES = np.arange(-_MOST_ACROSS_M, _MOST_ACROSS_M + 0.5 * _PLACE_STEP_M, _PLACE_STEP_M)
@@ -91,6 +93,28 @@ def least_thin(noise_m: float) -> float:
     """
     usual, here = (erf(ON_OUTLINE_M / (np.sqrt(2.0) * max(sigma, USUAL_NOISE_M))) for sigma in (0.0, noise_m))
     return fitted.LEAST_THIN * here / usual
+
+
+def spread_of(columns: FloatArray, u: FloatArray) -> float:
+    """Return half of the width across that holds the middle 68 % of the points (widths,) of the columns at `u`. [m].
+
+    >>> round(spread_of(np.array([0.0, 50.0, 50.0, 50.0, 50.0, 0.0]), np.arange(6) * 0.01), 4)
+    0.0136
+    """
+    edges = np.append(u, 2.0 * u[-1] - u[-2]) - 0.5 * (u[1] - u[0])
+    low, high = np.interp((0.16, 0.84), np.append(0.0, np.cumsum(columns)) / max(columns.sum(), 1.0), edges)
+    return float(0.5 * (high - low))
+
+
+def is_folded(spread_m: float, noise_m: float) -> bool:
+    """Return whether points are as deep across as those of a folded beam rather than of a flat sheet.
+
+    The faces of a fold cover its depth evenly. The limit is the middle between a sheet and that, the noise added to both.
+
+    >>> is_folded(0.037, 0.005), is_folded(0.007, 0.005), is_folded(0.022, 0.021)
+    (True, False, False)
+    """
+    return spread_m > float(np.hypot(noise_m, 0.5 * 0.34 * FOLD_DEPTH_M))
 
 
 def plate_of(columns: FloatArray, u: FloatArray) -> OutlineFit:

@@ -24,9 +24,11 @@ from linework.methods.rails.outlines import (
     SECTION_CELL_M,
     OutlineFit,
     bars_of,
+    is_folded,
     least_thin,
     on_outline_m,
     plate_of,
+    spread_of,
 )
 
 #: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
@@ -105,6 +107,8 @@ class Band:
         Share of the points of the band that lie on it.
     top_share, below_share
         Shares of the points of its highest 3 cm, and of those from 6 cm down, that lie off the plane of its face.
+    spread_m
+        Half of the width across that holds the middle 68 % of its points. [m]
     fits
         What each outline that was tried explains.
     """
@@ -117,6 +121,7 @@ class Band:
     top_share: float
     fits: tuple[OutlineFit, ...] = ()
     below_share: float = 0.0
+    spread_m: float = 0.0
 
     @property
     def height_m(self) -> float:
@@ -185,19 +190,9 @@ def sections_at(nodes: FloatArray, windows: IntArray, bins: Bins, circles: Circl
         (k, 2) int64: first node of each window, and the one after its last; neither ever falls from one to the next.
     """
     counts: FloatArray = kernels.count_outlines(
-        bins.points,
-        bins.starts,
-        bins.n_x,
-        bins.n_y,
-        bins.cell_m,
-        np.ascontiguousarray(nodes),
-        np.ascontiguousarray(windows),
-        circles.spacing_m / 2,
-        HALF_SECTION_M,
-        DEPTHS_M,
-        SECTION_CELL_M,
-        bins.work,
-    )
+        bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m, np.ascontiguousarray(nodes),
+        np.ascontiguousarray(windows), circles.spacing_m / 2, HALF_SECTION_M, DEPTHS_M, SECTION_CELL_M, bins.work,
+    )  # fmt: skip
     return counts
 
 
@@ -323,7 +318,8 @@ def _explained(
     lower = own[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
     at_top, below = (float(part[:, off].sum() / max(part.sum(), 1.0)) for part in (upper, lower))
     chosen = min(fits, key=lambda fit: fit.cost)
-    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below)
+    spread_m = spread_of(own.sum(axis=0), u)
+    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below, spread_m)
 
 
 def _edge_of_concrete(
@@ -390,17 +386,15 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, han
     is_high = heights[0] + hidden >= FENCE_M[0] and heights[0] <= FENCE_M[1]
     is_low = is_alone and foot <= FENCE_FOOT_M and is_high
     is_mesh = is_low and bands[0].explained >= least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
+    # A car or a wall may hide all of a fence but its upper half metre, which is flat
+    are_beams = hangs and all(is_folded(band.spread_m, noise_m) for band in bands)
+    are_ropes = n > 1 and max(heights) <= ROPE_M and above_ground_m + bands[0].high_m <= HIGHEST_ROPE_M
     kind, form = "", ""
-    if hangs and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
+    if are_beams and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:
         kind, form = "guardrail", "w_beam"
-    elif hangs and n == 1 and THRIE_BEAM_M[0] <= heights[0] <= THRIE_BEAM_M[1]:
+    elif are_beams and n == 1 and THRIE_BEAM_M[0] <= heights[0] <= THRIE_BEAM_M[1]:
         kind, form = "guardrail", "thrie_beam"
-    elif (
-        n > 1
-        and max(heights) <= ROPE_M
-        and pitch <= ROPE_PITCH_M
-        and above_ground_m + bands[0].high_m <= HIGHEST_ROPE_M
-    ):
+    elif are_ropes and pitch <= ROPE_PITCH_M:
         kind, form = "guardrail", "cable_barrier"
     elif n > 1 and max(heights) <= HANDRAIL_M:
         kind, form = "fence", "tubes"
