@@ -14,14 +14,17 @@ import tempfile
 import warnings
 from collections import defaultdict
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import linework
 from benchmarks.accuracy import seeds_of
+from benchmarks.epochs import within
 from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.changes.epochs import compare_epochs
+from linework.evaluation.changes.ground_seen import fewest_points
 from linework.evaluation.report.tables import ReportTable
 from linework.simulation.roads.alignment import PiecewiseLinear
 from linework.simulation.roads.draw import draw_scenario
@@ -44,6 +47,7 @@ def main(arguments=()):
     parser.add_argument("--length-m", type=float, default=200.0)
     parser.add_argument("--move-m", default="0.12,0.28", help="how far lines have moved, by turns")
     parser.add_argument("--show", action="store_true", help="each false stretch")
+    parser.add_argument("--no-points", action="store_true", help="compare lines only")
     options = parser.parse_args(list(arguments))
     warnings.simplefilter("ignore", linework.errors.LineworkWarning)
     moves = [float(text) for text in options.move_m.split(",")]
@@ -51,11 +55,12 @@ def main(arguments=()):
     for road in options.roads.split(","):
         for seed in seeds_of(options.seeds):
             scenario = draw_scenario(road, seed, options.length_m)
-            old = lines_of(scenario)
+            old, old_look = seen(scenario)
             for altered in (with_other_paint, with_other_edges):
                 changed, sorts = altered(scenario, moves[turn % len(moves)])
-                new = lines_of(driven_anew(changed))
-                changes = compare_epochs(old, new)[0]
+                new, new_look = seen(driven_anew(changed))
+                looks = None if options.no_points else (old_look, new_look)
+                changes = compare_epochs(old, new, looks=looks)[0]
                 for sort, metres in scored(scenario, sorts, old, new, changes).items():
                     found[sort].append(metres)
                 wrong = unexplained(scenario, sorts, changes)
@@ -79,12 +84,14 @@ def main(arguments=()):
     print(f"false: {len(false)} stretches in {km:.1f} km {by_sort}")
 
 
-def lines_of(scenario):
+def seen(scenario):
+    """Return the lines of a survey, and the look at its points."""
     survey = survey_of(scenario)
     with tempfile.TemporaryDirectory() as folder:
-        return linework.extract(
+        lines = linework.extract(
             survey.points, kinds=KINDS, trajectory=survey.trajectory, work=Path(folder), on_problem="warn"
         )
+    return lines, partial(fewest_points, points_in=within(survey.points))
 
 
 def end_m(scenario, sort):

@@ -18,6 +18,7 @@ from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.changes.dash_changes import dash_runs
 from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
 from linework.evaluation.changes.epoch_stations import EpochStations, epoch_stations
+from linework.evaluation.changes.ground_seen import LookAtPlaces, without_unseen
 from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_probabilities
 from linework.evaluation.changes.registration import Registration, placed, registered
 from linework.evaluation.changes.same_lines import changes_of_same
@@ -38,8 +39,9 @@ def check_same_crs(old: LineSet, new: LineSet) -> None:
 
 
 def compare_epochs(
-    old: LineSet, new: LineSet, paint: tuple[PaintPieces, PaintPieces] | None = None
-) -> tuple[list[EpochChange], Registration]:
+    old: LineSet, new: LineSet, paint: tuple[PaintPieces, PaintPieces] | None = None,
+    looks: tuple[LookAtPlaces, LookAtPlaces] | None = None,
+) -> tuple[list[EpochChange], Registration]:  # fmt: skip
     """Return the changes from an old to a new survey of the same road, and their registration.
 
     Parameters
@@ -48,6 +50,8 @@ def compare_epochs(
         Lines of both surveys.
     paint
         What the points of each show on its markings (`paint_pieces`): wear and renewed paint are changes too.
+    looks
+        At the points of each (`fewest_points`): a line is no change where the other survey did not see the ground.
 
     Raises
     ------
@@ -74,6 +78,10 @@ def compare_epochs(
     there, back = epoch_stations(old, new, _NOT_COMPARED), epoch_stations(new, old, _NOT_COMPARED)
     there, back = there.recoded_with(back).of_first(n_old), back.recoded_with(there).of_first(n_new)
     registration = registered(there)
+    if looks is not None:
+        shift_m = placed(back.xyz[:, :2], registration) - back.xyz[:, :2]
+        there = without_unseen(there, old, placed(there.xyz[:, :2], registration), looks[1])
+        back = without_unseen(back, new, back.xyz[:, :2] - shift_m, looks[0])
     if paint is not None:
         for worn in paint_changes(*whole, *paint, placed(paint[0].xy, registration)):
             what = f"remaining paint {worn.before:.0f} to {worn.after:.0f} %"

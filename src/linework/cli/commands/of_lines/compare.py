@@ -29,13 +29,17 @@ def compare_command(
     old_survey: Annotated[
         list[Path] | None,
         typer.Option(
-            "--old-survey", metavar="SURVEY", help="Points of OLD, to find worn paint. Can be repeated."
+            "--old-survey",
+            metavar="SURVEY",
+            help="Points of OLD: what it saw, and worn paint. Can be repeated.",
         ),
     ] = None,
     new_survey: Annotated[
         list[Path] | None,
         typer.Option(
-            "--new-survey", metavar="SURVEY", help="Points of NEW, to find worn paint. Can be repeated."
+            "--new-survey",
+            metavar="SURVEY",
+            help="Points of NEW: what it saw, and worn paint. Can be repeated.",
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -49,14 +53,15 @@ def compare_command(
 
     The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
     see a line of OLD, that is reported as not visible; what one survey has probably missed, as unsure. With the points of
-    both surveys, stretches with less or more paint
-    than before are changes too.
+    both surveys, stretches with less or more paint than before are changes too, and a line is new or gone only where the
+    other survey saw the ground.
     """
     import contextlib
     import math
     from collections import Counter
+    from functools import partial
 
-    from linework.cli.commands.of_lines.paint import paint_of_both
+    from linework.cli.commands.of_lines.paint import fewest_points_of_survey, paint_of_both
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
     from linework.evaluation.changes.epochs import check_same_crs, compare_epochs
@@ -87,13 +92,20 @@ def compare_command(
             warn(left_out)
         before, after = ((in_metres(found), left_out) for found, left_out in (before, after))
         check_same_crs(before[0], after[0])
-        paint, known_m = None, 0.0
+        paint, looks, known_m = None, None, 0.0
         if old_survey and new_survey:
             paint, known_m = paint_of_both(
                 (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
                 work=work, quiet=quiet,
             )  # fmt: skip
-        changes, registration = compare_epochs(before[0], after[0], paint)
+            look = partial(
+                fewest_points_of_survey, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work, quiet=quiet
+            )  # fmt: skip
+            looks = (
+                partial(look, lines=before[0], paths=old_survey),
+                partial(look, lines=after[0], paths=new_survey),
+            )
+        changes, registration = compare_epochs(before[0], after[0], paint, looks)
         names = (
             "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",
             "probability",

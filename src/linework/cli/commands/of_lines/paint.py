@@ -1,16 +1,23 @@
-"""What the points of a survey show on its markings, for commands on lines.
+"""What the points of a survey show on its markings, and of the ground beside lines, for commands on lines.
 
 Separate from the commands, as `report` and `compare` both need it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from linework.arrays import IntArray
     from linework.evaluation.chainage.paint_points import PaintPieces
+    from linework.evaluation.changes.ground_seen import Places
+    from linework.model.grid import Bounds
     from linework.model.lines import LineSet
+    from linework.model.points import Points
+    from linework.runs.steps import RunSteps
 
 
 def paint_of_both(
@@ -84,12 +91,72 @@ def paint_of_survey(
     InputError
         It is in another CRS than the lines, or has no intensities.
     """
+    from linework.cli.failures import warn
+    from linework.evaluation.chainage.paint_points import paint_pieces
+
+    with _opened_points(
+        lines, paths, options, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work, quiet=quiet
+    ) as opened:  # fmt: skip
+        points_in, steps, warnings = opened
+        for warning in warnings:
+            warn(warning)
+        with steps.step("look at the paint", unit="tiles") as advance:
+            return paint_pieces(lines, points_in, advance)
+
+
+def fewest_points_of_survey(
+    places: Places,
+    lines: LineSet,
+    paths: list[Path],
+    *,
+    crs: str | None,
+    allow_outside: bool,
+    allow_remote: bool,
+    work: Path | None,
+    quiet: bool,
+) -> IntArray:
+    """Return the fewest points of a survey beside lines at places, (n,), see `fewest_points`.
+
+    Parameters
+    ----------
+    places
+        Where to look.
+    lines
+        Lines of the survey.
+    paths
+        Its points.
+
+    Raises
+    ------
+    InputError
+        As for `paint_of_survey`.
+    """
+    from linework.evaluation.changes.ground_seen import fewest_points
+
+    with _opened_points(
+        lines, paths, ("old_survey", "new_survey"), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
+        work=work, quiet=quiet,
+    ) as (points_in, steps, _), steps.step("look at the ground", unit="tiles") as advance:  # fmt: skip
+        return fewest_points(places, points_in, advance)
+
+
+@contextmanager
+def _opened_points(
+    lines: LineSet,
+    paths: list[Path],
+    options: tuple[str, ...],
+    *,
+    crs: str | None,
+    allow_outside: bool,
+    allow_remote: bool,
+    work: Path | None,
+    quiet: bool,
+) -> Iterator[tuple[Callable[[Bounds], Points], RunSteps, Sequence[str]]]:
+    """Open the points of a survey, yield what reads them, the steps of the run, and warnings; as for `paint_of_survey`."""
     import contextlib
 
-    from linework.cli.failures import warn
     from linework.crs import describe_crs, same_plan
     from linework.errors import InputError, argument
-    from linework.evaluation.chainage.paint_points import paint_pieces
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
     from linework.processes.system import usable_cores
@@ -116,15 +183,10 @@ def paint_of_survey(
                 where=paths[0],
                 advice=f"leave {' and '.join(argument(o) for o in options)} out",
             )
-        for warning in recordings.warnings:
-            warn(warning)
         store = recordings.points.points
         gains = sampled_gains(*store.block_counts, store.points)
-        with steps.step("look at the paint", unit="tiles") as advance:
-            return paint_pieces(
-                lines,
-                lambda area: gains.without(
-                    store.points(area, ordered=False, with_columns=bool(gains.column))
-                ),
-                advance,
-            )
+        yield (
+            lambda area: gains.without(store.points(area, ordered=False, with_columns=bool(gains.column))),
+            steps,
+            recordings.warnings,
+        )
