@@ -57,6 +57,20 @@ def test_two_surveys_of_an_unchanged_road_differ_by_at_most_one_place_per_km():
     assert np.mean(n) <= 1.0, n
 
 
+def test_the_only_marking_of_a_road_does_not_pass_its_own_move_for_chance():
+    """Half of it lies 28 cm beside where it was: its differences are not what those of markings are by chance."""
+    table = {name: TABLE[name] for name in ("middle", "kerb", "verge", "rail")}
+    n_false = 0
+    for seed in range(1, 5):
+        new = epoch(100 + seed, table, moved={"middle": [(500, 1000, 0.28, 0.0)]})
+        changes = found(epoch(seed, table), new, "moved")
+        (middle,) = [c for c in changes if str(c.line.id[0]) == "middle"]
+        assert middle.across_m == pytest.approx(0.28, abs=0.02)
+        assert middle.from_m == pytest.approx(500.0, abs=10.0) and middle.to_m > 980.0
+        n_false += len(changes) - 1
+    assert n_false <= 4
+
+
 def test_lines_are_sorted_into_trees_once_however_many_they_are(monkeypatch):
     made = []
     tree = shapely.STRtree

@@ -28,6 +28,9 @@ _BESIDE_M, _HALF_M = (0.05, 0.35), 0.5
 _NEAR_GROUND_M = 0.3
 #: Of the places where a survey found lines it has fewer points at this share of them. [share]
 _SPARSEST = 0.01
+#: Points that are enough, however many the survey has beside its own lines, all of them near the van perhaps: their mean
+#: is known to half of a point's deviation.
+_ENOUGH = 5
 #: Places that say how many points a survey has beside lines of a kind: one in a hundred is one of the five sparsest.
 _MOST_PLACES = 500
 #: Points are read by tiles of this side. [m]
@@ -124,7 +127,7 @@ def without_unseen(
     Notes
     -----
     The ground was seen where there are as many points on both sides of the line, and on its paint, as at 99 of 100 places
-    where the other survey did find lines of this kind. A rail that is new hides what is behind it; a marking half of which
+    where the other survey did find lines of this kind, or five. A rail that is new hides what is behind it; a marking half of which
     lies in its shadow is not gone.
     """
     kind = lines.kind[stations.line]
@@ -146,7 +149,8 @@ def without_unseen(
     number[rows] = look(Places(at[rows], stations.left[rows], 0.5 * width_m[rows]))
     visible = stations.visible.copy()
     for alone, found in looked:
-        least = max(int(np.quantile(number[found], _SPARSEST, method="lower")), 1)
+        fewest = int(np.quantile(number[found], _SPARSEST, method="lower"))
+        least = min(max(fewest, 1), _ENOUGH)
         is_sparse = np.zeros(len(kind), dtype=bool)
         is_sparse[alone] = number[alone] < least
         # A few points less at one place are chance; a line is not parted by less than a stretch that is looked at

@@ -19,6 +19,7 @@ from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_prob
 from linework.evaluation.changes.registration import Registration, differences_of
 from linework.evaluation.shifts import (
     FALSE_PER_KM,
+    Chance,
     chance_of,
     filters_of,
     least_deviations,
@@ -31,6 +32,9 @@ from linework.model.lines import LineSet
 
 #: Length of a piece over which differences are averaged before they are judged. [m]
 _PIECE_M = 5.0
+#: Differences of one kind of line are at most so many times those of all others, over what both state: the one marking of a
+#: road would else be taken for as uncertain as it has moved.
+_MOST_TIMES = 3.0
 #: A height has changed beyond this many deviations: by chance one line in 370.
 _HEIGHT_DEVIATIONS = 3.0
 
@@ -82,9 +86,17 @@ def _moved_pieces(old: LineSet, stations: EpochStations, registration: Registrat
             kind: [size[rows, axis] for rows in rows_of if kinds[rows[0]] == kind]
             for kind in sorted(set(kinds.tolist()))
         }
-        related = related_of([one / scale_of(listed) for listed in own.values() for one in listed])
+        most = {
+            kind: _MOST_TIMES * scale_of([one for other, ls in own.items() if other != kind for one in ls])
+            for kind in own
+        }
+        scales = {kind: min(scale_of(listed), most[kind]) for kind, listed in own.items()}
+        related = related_of([one / scales[kind] for kind, listed in own.items() for one in listed])
         filters = filters_of(related, len(pieces))
-        chances = {kind: chance_of(listed, filters) for kind, listed in own.items()}
+        chances = {
+            kind: Chance(min(chance_of(listed, filters).scale, most[kind]), filters)
+            for kind, listed in own.items()
+        }
         least = least_deviations(len(pieces), filters, 0.5 * FALSE_PER_KM * road_km)
         for rows in rows_of:
             for a, b in shifted_runs(size[rows, axis], chances[str(kinds[rows[0]])], least):
