@@ -33,7 +33,7 @@ def seen(*offsets_m, shadow=None, seed=1, per_m2=300.0):
     rng = np.random.default_rng(seed)
     n = int(LENGTH_M * 9.0 * per_m2)
     x, y = rng.uniform(0.0, LENGTH_M, n), rng.uniform(-4.5, 4.5, n)
-    is_paint = np.any([np.abs(y - q) < WIDTH_M / 2 for q in offsets_m], axis=0)
+    is_paint = np.any([np.abs(y - q) < WIDTH_M / 2 for q in (*offsets_m, 9.0)], axis=0)
     kept = np.ones(n, dtype=bool) if shadow is None else (y < shadow[0]) | (y > shadow[1])
     value = np.where(is_paint, 250.0, 100.0) * (1.0 + 0.08 * rng.normal(size=n))
     points = Points(
@@ -68,7 +68,26 @@ def test_a_marking_half_of_which_lies_in_a_shadow_is_not_gone():
 def test_few_points_are_enough_where_the_survey_has_no_more_beside_its_own_lines():
     old, new = road(0.0, 3.0, -3.0), road(0.0, -3.0)
     sparse = look(seen(0.0, -3.0, seed=2, per_m2=30.0))
-    assert ("gone", "at 3") in statuses(old, new, (look(seen(0.0, 3.0, -3.0)), sparse))
+    assert statuses(old, new, (look(seen(0.0, 3.0, -3.0)), sparse)) == [("gone", "at 3")]
+
+
+def test_a_height_in_which_both_surveys_differ_hides_nothing():
+    up = np.array([0.0, 0.0, 0.5])
+    old, new, after = road(0.0, 3.0, -3.0), road(0.0, -3.0), seen(0.0, -3.0, seed=2)
+    new, after = new.with_columns(xyz=new.xyz + up), Points(after.xyz + up, intensity=after.intensity)
+    looks = look(seen(0.0, 3.0, -3.0)), look(after)
+    assert statuses(old, new, looks) == [("gone", "at 3")]
+    assert statuses(new, old, looks[::-1]) == [("new", "at 3")]
+
+
+def test_a_kind_that_the_other_survey_has_nowhere_is_looked_at_too():
+    rails = LineSet.concatenate([road(-4.2), road(4.2)]).with_columns(
+        kind=["guardrail"] * 2, pattern=[""] * 2, width_m=np.full(2, np.nan), id=["left rail", "right rail"]
+    )
+    old = LineSet.concatenate([road(3.0), rails])
+    before, hidden = look(seen(3.0)), look(seen(shadow=(2.0, 3.6), seed=2))
+    assert statuses(old, rails, (before, hidden)) == [("not visible", "at 3")]
+    assert statuses(old, rails, (before, look(seen(seed=2)))) == [("gone", "at 3")]
 
 
 def test_points_are_counted_alike_over_tiles_and_in_any_order():
@@ -85,9 +104,9 @@ def test_points_are_counted_alike_over_tiles_and_in_any_order():
     assert np.array_equal(look(points.take(turned))(places), counts)
     each = [
         look(points)(Places(places.xyz[i : i + 1], places.left[i : i + 1], places.half_m[i : i + 1]))[0]
-        for i in range(60, 68)
+        for i in range(28, 36)
     ]
-    assert each == counts[60:68].tolist()
+    assert each == counts[28:36].tolist()
     high = Places(places.xyz + np.array([0.0, 0.0, 2.0]), places.left, places.half_m)
     assert not look(points)(high).any()
 
@@ -109,3 +128,22 @@ def test_compare_says_what_the_points_could_not_show(linework, tmp_path):
     assert linework(*call, "--overwrite").code == 0
     rows = [line for line in (tmp_path / "c.csv").read_text().splitlines() if "at 3" in line]
     assert [row.split(",")[0] for row in rows] == ["gone"]
+
+
+def test_boundaries_alone_are_compared_by_points_without_intensities(linework, tmp_path):
+    edges = {"kind": "road_boundary", "pattern": "", "width_m": np.nan}
+    surveys = {
+        "old": (road(0.0, 3.0, -3.0), seen()),
+        "new": (road(0.0, -3.0), seen(shadow=(3.02, 3.6), seed=2)),
+    }
+    for name, (lines, points) in surveys.items():
+        lines = lines.with_columns(**{key: [value] * len(lines) for key, value in edges.items()})
+        (tmp_path / name).mkdir()
+        write_lines(lines, tmp_path / f"{name}.gpkg")
+        write_las(Points(points.xyz), tmp_path / name / "points.laz", crs=CRS)
+    call = ["compare", tmp_path / "old.gpkg", tmp_path / "new.gpkg", "-o", tmp_path / "c.csv", "--quiet"]
+    done = linework(*call, "--old-survey", tmp_path / "old", "--new-survey", tmp_path / "new")
+    assert done.code == 0, done.stderr
+    rows = [line for line in (tmp_path / "c.csv").read_text().splitlines() if "at 3" in line]
+    assert [row.split(",")[0] for row in rows] == ["not visible"]
+    assert "paint compared" not in done.stdout

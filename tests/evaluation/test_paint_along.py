@@ -292,5 +292,5 @@ def test_compare_takes_the_points_of_both_surveys(linework, tmp_path):
     )  # fmt: skip
     alone = linework(*call, "--overwrite", *both[:2])
     assert (alone.code, alone.line) == (
-        2, "error: paint is compared between the points of both surveys. Give --new-survey too."
+        2, "error: the points of both surveys are compared. Give --new-survey too."
     )  # fmt: skip

@@ -11,9 +11,10 @@ const MOVED_M = 0.001; // a shorter drag is a click
 
 export type DraggedNode = SectionNode & { from: SectionNode };
 
-// `hand`: where the pointer was pressed, in the window, which stays where it is when the section is laid out anew under it
+// `hand`: where the pointer is, in the window, which stays where it is when the section is laid out anew under it; `free`:
+// where the node would be without snapping
 type Drag =
-  | { what: "node"; node: SectionNode; x: number; z: number; hand: [number, number] }
+  | { what: "node"; node: SectionNode; x: number; z: number; free: [number, number]; hand: [number, number] }
   | { what: "pan"; hand: [number, number]; centre: [number, number] };
 
 export class SectionDrag {
@@ -27,17 +28,20 @@ export class SectionDrag {
   }
 
   press(node: SectionNode | null, centre: [number, number], hand: [number, number]): void {
-    this.drag = node ? { what: "node", node, x: node.x, z: node.z, hand } : { what: "pan", hand, centre };
+    this.drag = node ? { what: "node", node, x: node.x, z: node.z, free: [node.x, node.z], hand } : { what: "pan", hand, centre };
   }
 
   // Returns the new centre when panning. With `snaps`, a node snaps to the nearest point.
   move(frame: Frame, hand: [number, number], points: Points | null, snaps: boolean): [number, number] | null {
     const { drag } = this;
     if (!drag) return null;
+    // Step by step, as the scale may change between two: by the wheel, or where the section becomes narrower
     const [right_px, down_px] = [hand[0] - drag.hand[0], hand[1] - drag.hand[1]];
     const [right_m, up_m] = [right_px / frame.scale, -down_px / (frame.scale * frame.exaggeration)];
-    if (drag.what === "pan") return [drag.centre[0] - right_m, drag.centre[1] - up_m];
-    const [x, z] = [drag.node.x + right_m, drag.node.z + up_m];
+    drag.hand = hand;
+    if (drag.what === "pan") return (drag.centre = [drag.centre[0] - right_m, drag.centre[1] - up_m]);
+    drag.free = [drag.free[0] + right_m, drag.free[1] + up_m];
+    const [x, z] = drag.free;
     const [px, py] = frame.toPx(x, z);
     const distance = (x: number, z: number): number => {
       const [x1, y1] = frame.toPx(x, z);

@@ -79,9 +79,9 @@ def compare_epochs(
     there, back = there.recoded_with(back).of_first(n_old), back.recoded_with(there).of_first(n_new)
     registration = registered(there)
     if looks is not None:
-        shift_m = placed(back.xyz[:, :2], registration) - back.xyz[:, :2]
-        there = without_unseen(there, old, placed(there.xyz[:, :2], registration), looks[1])
-        back = without_unseen(back, new, back.xyz[:, :2] - shift_m, looks[0])
+        shift_m = placed(back.xyz, registration) - back.xyz
+        there = without_unseen(there, old, placed(there.xyz, registration), looks[1])
+        back = without_unseen(back, new, back.xyz - shift_m, looks[0])
     if paint is not None:
         for worn in paint_changes(*whole, *paint, placed(paint[0].xy, registration)):
             what = f"remaining paint {worn.before:.0f} to {worn.after:.0f} %"

@@ -91,7 +91,11 @@ def fewest_points(
         cloud = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1]))).xyz
         if not len(cloud):
             continue
-        near = cKDTree(cloud[:, :2] - low).query_ball_point(places.xyz[rows, :2] - low, reach)
+        at = places.xyz[rows, :2] - low
+        # Most points of a tile are near no place
+        away, _ = cKDTree(at).query(cloud[:, :2] - low, distance_upper_bound=reach)
+        cloud = cloud[np.isfinite(away)]
+        near = cKDTree(cloud[:, :2] - low).query_ball_point(at, reach) if len(cloud) else [[]] * len(rows)
         for row, own in zip(rows.tolist(), near, strict=True):
             found[row] = _fewest_at(places, row, cloud[own])
     return found
@@ -111,7 +115,7 @@ def _fewest_at(places: Places, row: int, cloud: FloatArray) -> int:
 
 
 def without_unseen(
-    stations: EpochStations, lines: LineSet, xy: FloatArray, look: LookAtPlaces
+    stations: EpochStations, lines: LineSet, xyz: FloatArray, look: LookAtPlaces
 ) -> EpochStations:
     """Return stations of which those without a partner are visible only where the other survey saw the ground.
 
@@ -119,29 +123,30 @@ def without_unseen(
     ----------
     stations, lines
         Of one survey.
-    xy
-        (n, 2) where the stations are in the other survey, after registration. [m, world]
+    xyz
+        (n, 3) where the stations are in the other survey, after registration. [m, world]
     look
         At the points of the other survey.
 
     Notes
     -----
     The ground was seen where there are as many points on both sides of the line, and on its paint, as at 99 of 100 places
-    where the other survey did find lines of this kind, or five. A rail that is new hides what is behind it; a marking half of which
+    where the other survey did find lines of this kind, or five; where it has none of this kind, five. A rail that is new hides what is behind it; a marking half of which
     lies in its shadow is not gone.
     """
     kind = lines.kind[stations.line]
     width_m = np.where(kind == "lane_marking", np.nan_to_num(lines.width_m[stations.line], nan=0.0), 0.0)
-    is_alone = (stations.partner < 0) & ~stations.bridged & stations.visible
+    # Where it has a line of another kind in the place it saw it
+    is_alone = (stations.partner < 0) & (stations.instead < 0) & ~stations.bridged & stations.visible
     is_found = (stations.partner >= 0) & ~stations.partner_bridged
     # Where the other survey has its own line: its place, not that of this one
     shift_m = np.nan_to_num(np.column_stack([stations.left * stations.across_m[:, None], stations.up_m]))
-    at = np.where(is_found[:, None], stations.xyz + shift_m, np.column_stack([xy, stations.xyz[:, 2]]))
+    at = np.where(is_found[:, None], stations.xyz + shift_m, xyz)
     looked = list[tuple[IntArray, IntArray]]()
     for one in _ON_GROUND:
         alone, found = (np.flatnonzero(which & (kind == one)) for which in (is_alone, is_found))
-        if len(alone) and len(found):
-            looked.append((alone, found[:: -(-len(found) // _MOST_PLACES)]))
+        if len(alone):
+            looked.append((alone, found[:: max(-(-len(found) // _MOST_PLACES), 1)]))
     if not looked:
         return stations
     rows = np.unique(np.concatenate([row for pair in looked for row in pair]))
@@ -149,8 +154,9 @@ def without_unseen(
     number[rows] = look(Places(at[rows], stations.left[rows], 0.5 * width_m[rows]))
     visible = stations.visible.copy()
     for alone, found in looked:
-        fewest = int(np.quantile(number[found], _SPARSEST, method="lower"))
-        least = min(max(fewest, 1), _ENOUGH)
+        least = _ENOUGH
+        if len(found):
+            least = min(int(np.quantile(number[found], _SPARSEST, method="lower")), _ENOUGH)
         is_sparse = np.zeros(len(kind), dtype=bool)
         is_sparse[alone] = number[alone] < least
         # A few points less at one place are chance; a line is not parted by less than a stretch that is looked at

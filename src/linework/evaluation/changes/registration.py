@@ -159,9 +159,12 @@ def differences_of(
 
 
 def placed(xy: FloatArray, registration: Registration) -> FloatArray:
-    """Return where places (n, 2) of the old survey are in the new one, by the nearest cell."""
+    """Return where places (n, 2 or 3) of the old survey are in the new one, by the nearest cell."""
     if not len(registration.cells) or not len(xy):
         return xy
+    if xy.shape[1] == 3:
+        cell = cKDTree((registration.cells + 0.5) * _CELL_M - xy[0, :2]).query(xy[:, :2] - xy[0, :2])[1]
+        return np.column_stack([placed(xy[:, :2], registration), xy[:, 2] + registration.shift_m[cell, 2]])
     middle = (registration.cells + 0.5) * _CELL_M
     cell = cKDTree(middle - xy[0]).query(xy - xy[0])[1]
     off = xy - middle[cell]

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
-from linework.arrays import BoolArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
 from linework.evaluation.changes.epoch_stations import EpochStations
 from linework.evaluation.changes.joined_moves import moved_together
@@ -19,7 +20,6 @@ from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_prob
 from linework.evaluation.changes.registration import Registration, differences_of
 from linework.evaluation.shifts import (
     FALSE_PER_KM,
-    Chance,
     chance_of,
     filters_of,
     least_deviations,
@@ -32,9 +32,11 @@ from linework.model.lines import LineSet
 
 #: Length of a piece over which differences are averaged before they are judged. [m]
 _PIECE_M = 5.0
-#: Differences of one kind of line are at most so many times those of all others, over what both state: the one marking of a
-#: road would else be taken for as uncertain as it has moved.
-_MOST_TIMES = 3.0
+#: From so many lines of a kind side by side on, one that has moved is less than half of them, as medians need.
+_LEAST_ABREAST = 1.5
+#: Length of the running median that is what one line differs by for long: several times as long as errors of lines are
+#: related, some tens of metres. [pieces]
+_FOR_LONG = 41
 #: A height has changed beyond this many deviations: by chance one line in 370.
 _HEIGHT_DEVIATIONS = 3.0
 
@@ -61,7 +63,7 @@ class _Pieces:
 def _moved_pieces(old: LineSet, stations: EpochStations, registration: Registration) -> _Pieces:
     """Return all pieces and which of them have moved.
 
-    What chance does is taken from all lines of one kind: how large their differences are against the stated deviations, and
+    What chance does is taken from all lines of one kind, of the only one about its running median over 200 m: how large their differences are against the stated deviations, and
     over which distance they are related. Significance adds up over stretches of any length.
     """
     both = np.flatnonzero((stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged)
@@ -86,23 +88,34 @@ def _moved_pieces(old: LineSet, stations: EpochStations, registration: Registrat
             kind: [size[rows, axis] for rows in rows_of if kinds[rows[0]] == kind]
             for kind in sorted(set(kinds.tolist()))
         }
-        most = {
-            kind: _MOST_TIMES * scale_of([one for other, ls in own.items() if other != kind for one in ls])
-            for kind in own
-        }
-        scales = {kind: min(scale_of(listed), most[kind]) for kind, listed in own.items()}
-        related = related_of([one / scales[kind] for kind, listed in own.items() for one in listed])
-        filters = filters_of(related, len(pieces))
-        chances = {
-            kind: Chance(min(chance_of(listed, filters).scale, most[kind]), filters)
+        # The only line of its kind would else be taken for as uncertain as it has moved
+        by_chance = {
+            kind: listed
+            if sum(map(len, listed)) * _PIECE_M >= _LEAST_ABREAST * 1000.0 * road_km
+            else _about_their_median(listed)
             for kind, listed in own.items()
         }
+        related = related_of([one / scale_of(listed) for listed in by_chance.values() for one in listed])
+        filters = filters_of(related, len(pieces))
+        chances = {kind: chance_of(listed, filters) for kind, listed in by_chance.items()}
         least = least_deviations(len(pieces), filters, 0.5 * FALSE_PER_KM * road_km)
         for rows in rows_of:
             for a, b in shifted_runs(size[rows, axis], chances[str(kinds[rows[0]])], least):
                 is_moved[rows[a : b + 1]] = True
     order = np.argsort(index, kind="stable")
     return _Pieces(pieces[:, 0], np.split(both[order], np.cumsum(count)[:-1]), is_moved)
+
+
+def _about_their_median(listed: list[FloatArray]) -> list[FloatArray]:
+    """Return differences of the pieces of lines, one array each, about their running median over all the lines.
+
+    >>> moved = np.repeat([1.0, 9.0], 60) + np.tile([0.0, 1.0, 0.0], 40)
+    >>> float(np.abs(_about_their_median([moved])[0]).max())
+    1.0
+    """
+    every = np.concatenate(listed)
+    own = every - median_filter(every, _FOR_LONG, mode="nearest")
+    return np.split(own, np.cumsum([len(one) for one in listed])[:-1])
 
 
 def changes_of_same(

@@ -23,7 +23,7 @@ from linework.methods.rails import fitted
 #: columns of a view, the step between tried places across. [m]
 SECTION_CELL_M = 0.01
 _PLACE_STEP_M = 0.5 * SECTION_CELL_M
-#: Depth of W-beams and thrie beams, from crest to valley (EN 1317 A and B, AASHTO M 180). [m]
+#: Depth of W-beams and thrie beams, from crest to valley (EN 1317 A and B, AASHTO M 180), which their faces cover evenly. [m]
 FOLD_DEPTH_M = 0.081
 #: Farthest place of the middle of an outline, the thickest pipe in use is 0.2 m, and the places of plates. [m]
 _MOST_ACROSS_M = 0.20
@@ -95,26 +95,41 @@ def least_thin(noise_m: float) -> float:
     return fitted.LEAST_THIN * here / usual
 
 
-def spread_of(columns: FloatArray, u: FloatArray) -> float:
-    """Return half of the width across that holds the middle 68 % of the points (widths,) of the columns at `u`. [m].
+def fold_of(counts: FloatArray, u: FloatArray) -> float:
+    """Return the standard deviation of where the rows of a band lie across, less what the noise of their points makes. [m].
 
-    >>> round(spread_of(np.array([0.0, 50.0, 50.0, 50.0, 50.0, 0.0]), np.arange(6) * 0.01), 4)
-    0.0136
+    A one-way analysis of variance of the points (heights, widths) of columns at `u` [m], those within the section's
+    middle `_MOST_ACROSS_M`: noise across spreads the points of a row, a fold moves the rows.
+
+    >>> noise = np.random.default_rng(1).normal(size=(40, 500)) * 0.02
+    >>> fold = 0.04 * np.cos(np.linspace(0.0, 12.0, 40))[:, None]
+    >>> edges = np.arange(-0.3, 0.305, 0.01)
+    >>> rows = [np.stack([np.histogram(r, edges)[0] for r in noise + at]) for at in (0.0 * fold, fold)]
+    >>> [round(fold_of(r.astype(float), edges[:-1] + 0.005), 2) for r in rows]
+    [0.0, 0.03]
     """
-    edges = np.append(u, 2.0 * u[-1] - u[-2]) - 0.5 * (u[1] - u[0])
-    low, high = np.interp((0.16, 0.84), np.append(0.0, np.cumsum(columns)) / max(columns.sum(), 1.0), edges)
-    return float(0.5 * (high - low))
+    columns = counts.sum(axis=0)
+    middle = float(u[int(np.argmax(np.cumsum(columns) >= 0.5 * columns.sum()))])
+    own = counts[:, np.abs(u - middle) <= _MOST_ACROSS_M / 2.0]
+    at = u[np.abs(u - middle) <= _MOST_ACROSS_M / 2.0]
+    number = own.sum(axis=1)
+    own, number = own[number > 0.0], number[number > 0.0]
+    n, k = float(number.sum()), len(number)
+    if n <= k:
+        return 0.0
+    mean = own @ at / number
+    within = float((own @ at**2 - number * mean**2).sum()) / (n - k)
+    between = float((number * (mean - np.average(mean, weights=number)) ** 2).sum()) - (k - 1) * within
+    return float(np.sqrt(max(between / n, 0.0)))
 
 
-def is_folded(spread_m: float, noise_m: float) -> bool:
-    """Return whether points are as deep across as those of a folded beam rather than of a flat sheet.
+def is_folded(fold_m: float) -> bool:
+    """Return whether rows lie as far apart across as those of a folded beam: half of it at least, a flat sheet's not at all.
 
-    The faces of a fold cover its depth evenly. The limit is the middle between a sheet and that, the noise added to both.
-
-    >>> is_folded(0.037, 0.005), is_folded(0.007, 0.005), is_folded(0.022, 0.021)
-    (True, False, False)
+    >>> is_folded(0.025), is_folded(0.005)
+    (True, False)
     """
-    return spread_m > float(np.hypot(noise_m, 0.5 * 0.34 * FOLD_DEPTH_M))
+    return fold_m > 0.5 * FOLD_DEPTH_M / float(np.sqrt(12.0))
 
 
 def plate_of(columns: FloatArray, u: FloatArray) -> OutlineFit:

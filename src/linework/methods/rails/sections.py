@@ -1,7 +1,7 @@
 """What stands in a cross-section: beams one above another, each explained by the outline that fits its points best.
 
 A W-beam is a band of points 0.31 m high with nothing above and below it, a thrie beam one of 0.51 m, a cable barrier three
-or four thin ones. What height alone does not tell (a pipe, a square tube, a board) is told by where across the points
+or four thin ones; beams are folded. What height alone does not tell (a pipe, a square tube, a board) is told by where across the points
 lie: the outlines compete, and the one with the least distances explains the band. What lies on no outline (hedges, cars)
 remains unexplained, and has no form.
 
@@ -24,11 +24,11 @@ from linework.methods.rails.outlines import (
     SECTION_CELL_M,
     OutlineFit,
     bars_of,
+    fold_of,
     is_folded,
     least_thin,
     on_outline_m,
     plate_of,
-    spread_of,
 )
 
 #: Half width of a section: the foot of a concrete barrier stands up to 0.25 m before its top edge. [m]
@@ -107,8 +107,8 @@ class Band:
         Share of the points of the band that lie on it.
     top_share, below_share
         Shares of the points of its highest 3 cm, and of those from 6 cm down, that lie off the plane of its face.
-    spread_m
-        Half of the width across that holds the middle 68 % of its points. [m]
+    fold_m
+        Standard deviation of where its rows lie across, see `fold_of`. [m]
     fits
         What each outline that was tried explains.
     """
@@ -121,7 +121,7 @@ class Band:
     top_share: float
     fits: tuple[OutlineFit, ...] = ()
     below_share: float = 0.0
-    spread_m: float = 0.0
+    fold_m: float = 0.0
 
     @property
     def height_m(self) -> float:
@@ -318,8 +318,8 @@ def _explained(
     lower = own[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
     at_top, below = (float(part[:, off].sum() / max(part.sum(), 1.0)) for part in (upper, lower))
     chosen = min(fits, key=lambda fit: fit.cost)
-    spread_m = spread_of(own.sum(axis=0), u)
-    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below, spread_m)
+    fold_m = fold_of(own, u)
+    return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below, fold_m)
 
 
 def _edge_of_concrete(
@@ -387,7 +387,7 @@ def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, han
     is_low = is_alone and foot <= FENCE_FOOT_M and is_high
     is_mesh = is_low and bands[0].explained >= least_thin(noise_m) and bands[0].top_share < MOST_TOP_SHARE
     # A car or a wall may hide all of a fence but its upper half metre, which is flat
-    are_beams = hangs and all(is_folded(band.spread_m, noise_m) for band in bands)
+    are_beams = hangs and all(is_folded(band.fold_m) for band in bands)
     are_ropes = n > 1 and max(heights) <= ROPE_M and above_ground_m + bands[0].high_m <= HIGHEST_ROPE_M
     kind, form = "", ""
     if are_beams and W_BEAM_M[0] <= min(heights) and max(heights) <= W_BEAM_M[1]:

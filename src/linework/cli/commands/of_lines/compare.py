@@ -59,9 +59,8 @@ def compare_command(
     import contextlib
     import math
     from collections import Counter
-    from functools import partial
 
-    from linework.cli.commands.of_lines.paint import fewest_points_of_survey, paint_of_both
+    from linework.cli.commands.of_lines.paint import points_of_both
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
     from linework.evaluation.changes.epochs import check_same_crs, compare_epochs
@@ -79,9 +78,7 @@ def compare_command(
         raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
     if bool(old_survey) != bool(new_survey):
         missing = "new_survey" if old_survey else "old_survey"
-        raise UsageError(
-            "paint is compared between the points of both surveys", advice=f"give {argument(missing)} too"
-        )
+        raise UsageError("the points of both surveys are compared", advice=f"give {argument(missing)} too")
     if suffix == ".xlsx" or report is not None:
         check_extra("reports", where=report or output)
     with contextlib.ExitStack() as held:
@@ -92,19 +89,12 @@ def compare_command(
             warn(left_out)
         before, after = ((in_metres(found), left_out) for found, left_out in (before, after))
         check_same_crs(before[0], after[0])
-        paint, looks, known_m = None, None, 0.0
+        paint, known_m, looks = None, 0.0, None
         if old_survey and new_survey:
-            paint, known_m = paint_of_both(
-                (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
-                work=work, quiet=quiet,
+            paint, known_m, looks = points_of_both(
+                (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside,
+                allow_remote=allow_remote, work=work, quiet=quiet,
             )  # fmt: skip
-            look = partial(
-                fewest_points_of_survey, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work, quiet=quiet
-            )  # fmt: skip
-            looks = (
-                partial(look, lines=before[0], paths=old_survey),
-                partial(look, lines=after[0], paths=new_survey),
-            )
         changes, registration = compare_epochs(before[0], after[0], paint, looks)
         names = (
             "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",

@@ -13,18 +13,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from linework.arrays import IntArray
     from linework.evaluation.chainage.paint_points import PaintPieces
-    from linework.evaluation.changes.ground_seen import Places
+    from linework.evaluation.changes.ground_seen import LookAtPlaces, Places
     from linework.model.grid import Bounds
     from linework.model.lines import LineSet
     from linework.model.points import Points
     from linework.runs.steps import RunSteps
 
 
-def paint_of_both(
+def points_of_both(
     old: tuple[Path, LineSet, list[Path]], new: tuple[Path, LineSet, list[Path]], *, crs: str | None,
     allow_outside: bool, allow_remote: bool, work: Path | None, quiet: bool,
-) -> tuple[tuple[PaintPieces, PaintPieces], float]:  # fmt: skip
-    """Return what the points of two surveys show on their markings, and how much of it can be compared at most [m].
+) -> tuple[tuple[PaintPieces, PaintPieces] | None, float, tuple[LookAtPlaces, LookAtPlaces]]:  # fmt: skip
+    """Return what the points of two surveys show on their markings, how much of it can be compared at most [m], and looks.
+
+    Without markings in one of them there is no paint to compare.
 
     Parameters
     ----------
@@ -36,6 +38,19 @@ def paint_of_both(
     InputError
         As for `paint_of_survey`, or a survey shows no paint of any of its markings.
     """
+    from functools import partial
+
+    look = partial(
+        _fewest_points,
+        crs=crs,
+        allow_outside=allow_outside,
+        allow_remote=allow_remote,
+        work=work,
+        quiet=quiet,
+    )
+    looks = partial(look, lines=old[1], paths=old[2]), partial(look, lines=new[1], paths=new[2])
+    if not all("lane_marking" in lines.kind for _, lines, _ in (old, new)):
+        return None, 0.0, looks
     import numpy as np
 
     from linework.errors import InputError
@@ -61,7 +76,7 @@ def paint_of_both(
             )  # fmt: skip
         found.append(shown)
         known_m.append(float(shown.length_m[is_known].sum()))
-    return (found[0], found[1]), min(known_m)
+    return (found[0], found[1]), min(known_m), looks
 
 
 def paint_of_survey(
@@ -95,7 +110,8 @@ def paint_of_survey(
     from linework.evaluation.chainage.paint_points import paint_pieces
 
     with _opened_points(
-        lines, paths, options, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work, quiet=quiet
+        lines, paths, options, crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work, quiet=quiet,
+        seeks_paint=True,
     ) as opened:  # fmt: skip
         points_in, steps, warnings = opened
         for warning in warnings:
@@ -104,7 +120,7 @@ def paint_of_survey(
             return paint_pieces(lines, points_in, advance)
 
 
-def fewest_points_of_survey(
+def _fewest_points(
     places: Places,
     lines: LineSet,
     paths: list[Path],
@@ -115,27 +131,12 @@ def fewest_points_of_survey(
     work: Path | None,
     quiet: bool,
 ) -> IntArray:
-    """Return the fewest points of a survey beside lines at places, (n,), see `fewest_points`.
-
-    Parameters
-    ----------
-    places
-        Where to look.
-    lines
-        Lines of the survey.
-    paths
-        Its points.
-
-    Raises
-    ------
-    InputError
-        As for `paint_of_survey`.
-    """
+    """Return the fewest points of a survey beside lines at places, (n,), see `fewest_points`."""
     from linework.evaluation.changes.ground_seen import fewest_points
 
     with _opened_points(
         lines, paths, ("old_survey", "new_survey"), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
-        work=work, quiet=quiet,
+        work=work, quiet=quiet, seeks_paint=False,
     ) as (points_in, steps, _), steps.step("look at the ground", unit="tiles") as advance:  # fmt: skip
         return fewest_points(places, points_in, advance)
 
@@ -151,6 +152,7 @@ def _opened_points(
     allow_remote: bool,
     work: Path | None,
     quiet: bool,
+    seeks_paint: bool,
 ) -> Iterator[tuple[Callable[[Bounds], Points], RunSteps, Sequence[str]]]:
     """Open the points of a survey, yield what reads them, the steps of the run, and warnings; as for `paint_of_survey`."""
     import contextlib
@@ -159,6 +161,7 @@ def _opened_points(
     from linework.errors import InputError, argument
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display
+    from linework.model.tile import LaserGains
     from linework.processes.system import usable_cores
     from linework.runs.opened.recordings import opened_recordings
     from linework.runs.opened.work_folder import work_folder
@@ -177,14 +180,14 @@ def _opened_points(
         recordings = held.enter_context(
             opened_recordings(survey, folder, images=False, n_threads=usable_cores(), steps=steps)
         )
-        if recordings.points is None or not recordings.points.facts.has_intensity:
+        if recordings.points is None or (seeks_paint and not recordings.points.facts.has_intensity):
             raise InputError(
-                "has no points with intensities",
+                "has no points with intensities" if seeks_paint else "has no points",
                 where=paths[0],
                 advice=f"leave {' and '.join(argument(o) for o in options)} out",
             )
         store = recordings.points.points
-        gains = sampled_gains(*store.block_counts, store.points)
+        gains = sampled_gains(*store.block_counts, store.points) if seeks_paint else LaserGains()
         yield (
             lambda area: gains.without(store.points(area, ordered=False, with_columns=bool(gains.column))),
             steps,
