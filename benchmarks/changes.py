@@ -4,8 +4,8 @@
 marking painted anew beside its place, one that is gone and one that is new; once with another edge of the carriageway,
 a new rail, and other cars at other places. Each change begins or ends in the middle of the road. ``--roads``, ``--seeds``
 and ``--length-m`` choose the roads, ``--move-m`` how far lines have moved. A metre counts where both surveys could see it: the
-old line was found there, or the new one. Both surveys' points say where the ground was seen, unless ``--no-points``. *False* are stretches of changes, unsure ones left out, that none of these explain. Wear of paint is in
-`benchmarks.epochs`.
+old line was found there, or the new one. Both surveys' points say where the ground was seen, unless ``--no-points``.
+*False* are stretches of changes, unsure ones left out, that none of these explain. Wear of paint is in `benchmarks.epochs`.
 """
 
 import argparse

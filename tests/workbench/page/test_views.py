@@ -92,13 +92,24 @@ def test_a_drag_is_not_moved_by_a_section_that_is_laid_out_anew(views: tuple[Any
     wait_until(lambda: page.locator(".section-view canvas").bounding_box()["height"] < box["height"] - 20.0)
     page.mouse.move(x + box["width"] / 12.0 * 0.5, y - box["width"] / 12.0 * 0.25)
 
+    assert _moved(page) == pytest.approx([0.5, 0.25], abs=0.015)
+
+    # Nor by the wheel, which only changes what a pixel is from there on
+    page.mouse.wheel(0, 100)
+    wait_until(lambda: page.locator(".section-view input[type=number]").first.input_value() == "7.2")
+    page.mouse.move(x + box["width"] / 12.0 * 1.0, y - box["width"] / 12.0 * 0.25)
+    assert _moved(page) == pytest.approx([0.5 + 1.2 * 0.5, 0.25], abs=0.02)
+    page.locator(".section-view").press("Escape")
+    page.mouse.up()
+
+
+def _moved(page: Any) -> list[float]:
+    """Return how far the section says that what is dragged has moved, across and up [m]."""
     said = re.search(
         r"moved \+([\d.]+) m across, \+([\d.]+) m up", page.locator(".section-view").inner_text()
     )
     assert said is not None
-    assert [float(said[1]), float(said[2])] == pytest.approx([0.5, 0.25], abs=0.015)
-    page.locator(".section-view").press("Escape")
-    page.mouse.up()
+    return [float(said[1]), float(said[2])]
 
 
 def test_a_section_is_stepped_along_the_selected_line_and_read(views: tuple[Any, Served]) -> None:

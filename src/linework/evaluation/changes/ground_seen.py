@@ -131,12 +131,12 @@ def without_unseen(
     Notes
     -----
     The ground was seen where there are as many points on both sides of the line, and on its paint, as at 99 of 100 places
-    where the other survey did find lines of this kind, or five; where it has none of this kind, five. A rail that is new hides what is behind it; a marking half of which
-    lies in its shadow is not gone.
+    where the other survey did find lines of this kind, or five; where it has none of this kind, five. A rail that is new
+    hides what is behind it; a marking half of which lies in its shadow is not gone.
     """
     kind = lines.kind[stations.line]
     width_m = np.where(kind == "lane_marking", np.nan_to_num(lines.width_m[stations.line], nan=0.0), 0.0)
-    # Where it has a line of another kind in the place it saw it
+    # Where the other survey has a line of another kind in this place, it saw the place
     is_alone = (stations.partner < 0) & (stations.instead < 0) & ~stations.bridged & stations.visible
     is_found = (stations.partner >= 0) & ~stations.partner_bridged
     # Where the other survey has its own line: its place, not that of this one

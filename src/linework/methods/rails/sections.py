@@ -1,9 +1,9 @@
 """What stands in a cross-section: beams one above another, each explained by the outline that fits its points best.
 
 A W-beam is a band of points 0.31 m high with nothing above and below it, a thrie beam one of 0.51 m, a cable barrier three
-or four thin ones; beams are folded. What height alone does not tell (a pipe, a square tube, a board) is told by where across the points
-lie: the outlines compete, and the one with the least distances explains the band. What lies on no outline (hedges, cars)
-remains unexplained, and has no form.
+or four thin ones; beams are folded. What height alone does not tell (a pipe, a square tube, a board) is told by where
+across the points lie: the outlines compete, and the one with the least distances explains the band. What lies on no outline
+(hedges, cars) remains unexplained, and has no form.
 
 Separate from `forms`, which goes along a line: this explains one section, without knowing of lines.
 """

@@ -40,22 +40,22 @@ def points_of_both(
     """
     from functools import partial
 
-    look = partial(
-        _fewest_points,
-        crs=crs,
-        allow_outside=allow_outside,
-        allow_remote=allow_remote,
-        work=work,
-        quiet=quiet,
-    )
-    looks = partial(look, lines=old[1], paths=old[2]), partial(look, lines=new[1], paths=new[2])
-    if not all("lane_marking" in lines.kind for _, lines, _ in (old, new)):
-        return None, 0.0, looks
     import numpy as np
 
     from linework.errors import InputError
     from linework.evaluation.chainage.paint_along import paint_left
+    from linework.evaluation.changes.ground_seen import fewest_points
 
+    def look(places: Places, lines: LineSet, paths: list[Path]) -> IntArray:
+        with _opened_points(
+            lines, paths, ("old_survey", "new_survey"), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
+            work=work, quiet=quiet, seeks_paint=False,
+        ) as (points_in, steps, _), steps.step("look at the ground", unit="tiles") as advance:  # fmt: skip
+            return fewest_points(places, points_in, advance)
+
+    looks = partial(look, lines=old[1], paths=old[2]), partial(look, lines=new[1], paths=new[2])
+    if not all("lane_marking" in lines.kind for _, lines, _ in (old, new)):
+        return None, 0.0, looks
     found, known_m = [], []
     for path, lines, survey in (old, new):
         shown = paint_of_survey(
@@ -118,27 +118,6 @@ def paint_of_survey(
             warn(warning)
         with steps.step("look at the paint", unit="tiles") as advance:
             return paint_pieces(lines, points_in, advance)
-
-
-def _fewest_points(
-    places: Places,
-    lines: LineSet,
-    paths: list[Path],
-    *,
-    crs: str | None,
-    allow_outside: bool,
-    allow_remote: bool,
-    work: Path | None,
-    quiet: bool,
-) -> IntArray:
-    """Return the fewest points of a survey beside lines at places, (n,), see `fewest_points`."""
-    from linework.evaluation.changes.ground_seen import fewest_points
-
-    with _opened_points(
-        lines, paths, ("old_survey", "new_survey"), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote,
-        work=work, quiet=quiet, seeks_paint=False,
-    ) as (points_in, steps, _), steps.step("look at the ground", unit="tiles") as advance:  # fmt: skip
-        return fewest_points(places, points_in, advance)
 
 
 @contextmanager
