@@ -131,6 +131,23 @@ def test_threads_do_tasks_at_the_same_time():
     assert [o.problem for o in Threads(2).run(lambda _: both.wait() < 2, ["a", "b"])] == ["", ""]
 
 
+def test_a_task_at_which_the_interpreter_failed_is_done_once_more():
+    """CPython 3.11 fails at parsing Python in two threads at once (python/cpython#106905)."""
+    done: list[str] = []
+
+    def failing(task):
+        done.append(task)
+        if done.count(task) <= len(task):
+            raise SystemError("AST constructor recursion depth mismatch")
+        return task
+
+    (once,) = Serial().run(failing, ["a"])
+    (twice,) = Serial().run(failing, ["bb"])
+    assert (once.receipt, once.problem) == ("a", "")
+    assert twice.problem.startswith("SystemError: ")
+    assert done == ["a", "a", "bb", "bb"]
+
+
 def test_threads_end_with_a_run_that_ends_early():
     begun, before = threading.Event(), threading.active_count()
 

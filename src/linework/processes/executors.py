@@ -175,7 +175,7 @@ def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Rec
         The machine refused.
     """
     try:
-        return Outcome(task, work(task))
+        return Outcome(task, _done(work, task))
     except MachineError:
         raise
     except MemoryError:
@@ -186,3 +186,15 @@ def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Rec
         return Outcome(task, None, str(error))
     except Exception as error:
         return Outcome(task, None, f"{type(error).__name__}: {error}", traceback.format_exc())
+
+
+def _done(work: Callable[[Task], Receipt], task: Task) -> Receipt:
+    """Return a task's receipt; it is done once more where the interpreter itself failed.
+
+    Threads in which numba compiles read Python's grammar at once, which CPython 3.11 may fail at
+    (https://github.com/python/cpython/issues/106905).
+    """
+    try:
+        return work(task)
+    except SystemError:
+        return work(task)
