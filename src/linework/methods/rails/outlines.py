@@ -253,11 +253,12 @@ def _face_m(outline: str, half: float) -> float:
 
 def _places(offset_m: float, middle_m: float | None) -> AnyArray:
     """Return the places (p,) int64 to try: all of them, or those near the points' own middle, less or with an offset."""
-    most, near = round(_MOST_ACROSS_M / _PLACE_STEP_M), np.arange(-_NEAR, _NEAR + 1)
+    most = round(_MOST_ACROSS_M / _PLACE_STEP_M)
     if middle_m is None:
         return np.arange(-most, most + 1)
-    about = [round((middle_m + side * offset_m) / _PLACE_STEP_M) + near for side in (-1, 0, 1)]
-    return np.unique(np.clip(np.concatenate(about), -most, most))
+    about = [round((middle_m + side * offset_m) / _PLACE_STEP_M) for side in (-1, 0, 1)]
+    near = {min(max(place + k, -most), most) for place in about for k in range(-_NEAR, _NEAR + 1)}
+    return np.array(sorted(near), dtype=np.int64)
 
 
 def _distance_m(outline: str, points: FloatArray, half: float) -> FloatArray:

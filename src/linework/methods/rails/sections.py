@@ -220,21 +220,27 @@ def form_of_section(
     >>> [(band.outline, round(band.height_m, 2)) for band in section.bands], section.form
     ([('flat', 0.12)], '')
     """
-    form = _form_over(counts, above_ground_m, noise_m)
+    seen: dict[tuple[float, float], Band] = {}
+    form = _form_over(counts, above_ground_m, noise_m, seen)
     if form.form or above_beside_m is None or len(form.bands) != 1:
         return form
     for side, beside_m in zip((-1.0, 1.0), above_beside_m, strict=True):
         is_raised = above_ground_m < beside_m <= above_ground_m + 0.5 * MOST_FOOT_M
-        beside = _form_over(counts, beside_m, noise_m, foot=side) if is_raised else form
+        beside = _form_over(counts, beside_m, noise_m, seen, foot=side) if is_raised else form
         if beside.kind == "barrier":
             return beside
     nearest_m = float(np.fmin(*above_beside_m))
-    over_verge = _form_over(counts, nearest_m, noise_m) if nearest_m < above_ground_m else form
+    over_verge = _form_over(counts, nearest_m, noise_m, seen) if nearest_m < above_ground_m else form
     return over_verge if over_verge.form == "mesh" else form
 
 
-def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float, foot: float = 0.0) -> SectionForm:
-    """Return what explains a cross-section over the ground; `foot` is the side, 1 for the left, whose ground that is."""
+def _form_over(
+    counts: FloatArray, above_ground_m: float, noise_m: float, seen: dict[tuple[float, float], Band], foot: float = 0.0
+) -> SectionForm:  # fmt: skip
+    """Return what explains a cross-section over the ground; `foot` is the side, 1 for the left, whose ground that is.
+
+    `seen` keeps its bands by their edges: over whatever ground, they are the same.
+    """
     z, u = _centres(counts)
     found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
     if found.sum() < _LEAST_POINTS:
@@ -246,7 +252,8 @@ def _form_over(counts: FloatArray, above_ground_m: float, noise_m: float, foot: 
         # A wall goes on above what is looked at: what ends with that has no upper edge
         return NOTHING
     on_m = on_outline_m(noise_m)
-    bands = tuple(_explained(found, z, u, edge, on_m) for edge in edges)
+    seen |= {edge: _explained(found, z, u, edge, on_m) for edge in edges if edge not in seen}
+    bands = tuple(seen[edge] for edge in edges)
     edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m, foot) if len(bands) == 1 else None
     if edge_m is not None:
         faced = _faced(_under_lid(found, z, bands[0]), u, on_m)
