@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import linework as package
-from linework.cli.commands.of_lines.paint import paint_of_survey
+from linework.cli.commands.of_lines.survey_points import LinesAndPoints
 from linework.errors import InputError, OutputExistsError, PartialError, UsageError
 from linework.evaluation.chainage.paint_points import paint_pieces
 from linework.files.vectors.read_write import read_usable_lines
@@ -151,16 +151,10 @@ def test_gains_of_lasers_are_taken_out_of_classes_and_of_paint(tmp_path):
     assert abs(np.count_nonzero(found) - np.count_nonzero(both[1])) < 0.02 * np.count_nonzero(found)
     # What a report says of paint
     truth = read_usable_lines(lines, crs=spun.truth.crs)[0]
-    shown = paint_of_survey(
-        truth,
-        [folder],
-        (),
-        crs=None,
-        allow_outside=False,
-        allow_remote=False,
-        work=tmp_path / "w",
+    shown = LinesAndPoints(
+        lines=truth, paths=[folder], options=(), crs=None, allow_outside=False, allow_remote=False, work=tmp_path / "w",
         quiet=True,
-    )
+    ).paint()  # fmt: skip
     wanted, kept = (
         paint_pieces(truth, lambda area, points=points: points.take(holds(area, points.xyz[:, :2]))).on
         for points in (evened, spun.points)

@@ -60,7 +60,7 @@ def compare_command(
     import math
     from collections import Counter
 
-    from linework.cli.commands.of_lines.paint import points_of_both
+    from linework.cli.commands.of_lines.survey_points import LinesAndPoints, points_of_both
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
     from linework.evaluation.changes.epochs import check_same_crs, compare_epochs
@@ -91,10 +91,14 @@ def compare_command(
         check_same_crs(before[0], after[0])
         paint, known_m, looks = None, 0.0, None
         if old_survey and new_survey:
-            paint, known_m, looks = points_of_both(
-                (old, before[0], old_survey), (new, after[0], new_survey), crs=crs, allow_outside=allow_outside,
-                allow_remote=allow_remote, work=work, quiet=quiet,
-            )  # fmt: skip
+            surveys = [
+                LinesAndPoints(
+                    lines=found[0], paths=paths, options=("old_survey", "new_survey"), crs=crs, allow_outside=allow_outside,
+                    allow_remote=allow_remote, work=work, quiet=quiet,
+                )
+                for found, paths in ((before, old_survey), (after, new_survey))
+            ]  # fmt: skip
+            paint, known_m, looks = points_of_both(surveys[0], surveys[1], (old, new))
         changes, registration = compare_epochs(before[0], after[0], paint, looks)
         names = (
             "status", "kind", "line", "length_m", "across_m", "up_m", "sigma_across_m", "sigma_up_m", "what", "from_m", "to_m",

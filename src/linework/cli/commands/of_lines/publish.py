@@ -67,16 +67,16 @@ def publish_command(
     name = survey or lines.stem
     paint = None
     if points:
-        from linework.cli.commands.of_lines.paint import paint_of_survey
+        from linework.cli.commands.of_lines.survey_points import LinesAndPoints
         from linework.evaluation.chainage.paint_along import paint_stretches
         from linework.lines.units import in_metres
 
         measured = in_metres(found)
-        pieces = paint_of_survey(
-            measured, points, ("points",), crs=crs, allow_outside=allow_outside, allow_remote=allow_remote, work=work,
-            quiet=quiet,
+        pieces = LinesAndPoints(
+            lines=measured, paths=points, options=("points",), crs=crs, allow_outside=allow_outside,
+            allow_remote=allow_remote, work=work, quiet=quiet,
         )  # fmt: skip
-        paint = paint_stretches(measured, pieces)
+        paint = paint_stretches(measured, pieces.paint())
     done = publish_lines(found, address, name, source=str(lines), paint=paint)
     if as_json:
         say_json(dataclasses.asdict(done))

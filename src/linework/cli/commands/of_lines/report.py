@@ -54,7 +54,7 @@ def report_command(
     """
     import dataclasses
 
-    from linework.cli.commands.of_lines.paint import paint_of_survey
+    from linework.cli.commands.of_lines.survey_points import LinesAndPoints
     from linework.cli.failures import warn
     from linework.errors import UsageError, argument, check_extra
     from linework.evaluation.chainage.routes import own_routes, route_of_path, routes_of_file
@@ -92,20 +92,12 @@ def report_command(
         else:
             axes = own_routes(found)
             named = "the lines themselves: " + ", ".join(axis.name for axis in axes)
-        paint = (
-            paint_of_survey(
-                found,
-                survey,
-                ("survey",),
-                crs=crs,
-                allow_outside=allow_outside,
-                allow_remote=allow_remote,
-                work=work,
-                quiet=quiet,
-            )
-            if survey
-            else None
-        )
+        paint = None
+        if survey:
+            paint = LinesAndPoints(
+                lines=found, paths=survey, options=("survey",), crs=crs, allow_outside=allow_outside,
+                allow_remote=allow_remote, work=work, quiet=quiet,
+            ).paint()  # fmt: skip
         result = chainage_report(found, axes, every_m=every, standard=standard, paint=paint)
         if suffix == ".html":
             from linework.crs import describe_crs
