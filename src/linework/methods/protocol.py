@@ -75,6 +75,8 @@ class SurveyContext:
         (n, 3) positions of the vehicle [m, world], or None.
     cores
         Cores of the method's tiles, also of those that failed.
+    shows_paint
+        Whether paint can be seen everywhere: the points have brightness, and all of the survey is looked at.
     poses
         Of the vehicle when the stereo pairs were taken.
     rig
@@ -87,6 +89,7 @@ class SurveyContext:
     is_visible: Sight | None = None
     path: FloatArray | None = None
     cores: tuple[Bounds, ...] = ()
+    shows_paint: bool = False
     poses: Poses | None = None
     rig: RectifiedRig | None = None
     pair_numbers: IntArray | None = None
@@ -269,6 +272,7 @@ def context_of_tile(tile: TileData) -> SurveyContext:
         is_visible=sight_of(surface_of_tile(tile)),
         path=None if tile.trajectory is None else tile.trajectory.xyz,
         cores=(tile.core,),
+        shows_paint=tile.points.intensity is not None and bool(tile.points.intensity.any()),
     )
 
 

@@ -216,6 +216,7 @@ class LaserSource:
             is_visible=SurveySight(self.surface),
             path=None if path is None else path.xyz,
             cores=tuple(tile.core for tile in self.plans[self._number(method)]),
+            shows_paint=self.opened.facts.has_intensity,
         )
 
     def with_sources(self, lines: LineSet) -> LineSet:

@@ -28,6 +28,7 @@ BEHIND = "behind a boundary of the carriageway"
 PIECE = "runs along a line: a piece of it"
 FAINT = "too faint for paint that stands alone"
 OPEN_LAND = "ground as uneven as open land where the carriageway would be"
+WIDE_LAND = "wide ground in front of it on which nothing is painted, as on open land"
 UNSURE = "taken, but less likely true than false"
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.boundaries.change_boxes import GAIN_SCALE
+from linework.kernels.cells.places import BOX_CELL_M
 from linework.methods.obb.candidates import (
     BEHIND,
     EVEN,
@@ -23,10 +24,12 @@ from linework.methods.obb.candidates import (
     KERB_STONE,
     OPEN_LAND,
     PIECE,
+    WIDE_LAND,
     Candidate,
     candidate_lines,
     left_out,
 )
+from linework.methods.obb.open_land import weighed_by_width
 from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.against_paint import BrightStrips, is_other_strip
@@ -102,6 +105,8 @@ class Joining:
         Edges whose carriageway would be open land, by its evenness.
     parallel
         Edges beside the boundaries, each with its role.
+    shows_paint
+        Whether paint was looked for, and can be seen by the brightness of the points.
     keeps_candidates
         Whether lines are kept that are not taken, and boxes that are explained otherwise are tracked, too.
     candidates
@@ -121,6 +126,7 @@ class Joining:
     beside: Sequence[SmoothBoundary] = ()
     open_land: Sequence[SmoothBoundary] = ()
     parallel: Sequence[tuple[SmoothBoundary, str]] = ()
+    shows_paint: bool = False
     keeps_candidates: bool = False
     candidates: Sequence[Candidate] = ()
 
@@ -130,8 +136,8 @@ JoinStep = Callable[[Joining], Joining]
 
 
 def begin(
-    boxes: BoxSet, survey: SurveyContext, config: TrackConfig, *, keeps_candidates: bool = False
-) -> Joining:
+    boxes: BoxSet, survey: SurveyContext, config: TrackConfig, *, shows_paint: bool = False, keeps_candidates: bool = False
+) -> Joining:  # fmt: skip
     """Return the boxes by form, in an order that does not depend on the tiles that they come from."""
     boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
     is_visible_in_world = survey.is_visible
@@ -143,7 +149,9 @@ def begin(
 
     path = [] if survey.path is None else axes_of_path(survey.path - np.asarray(survey.origin))
     by_form = {form: boxes.take(boxes.form == form) for form in BoxForm}
-    return Joining(by_form, is_visible, path, config, keeps_candidates=keeps_candidates)
+    return Joining(
+        by_form, is_visible, path, config, shows_paint=shows_paint, keeps_candidates=keeps_candidates
+    )
 
 
 def find_kerbs(now: Joining) -> Joining:
@@ -273,6 +281,11 @@ def keep_consistent(now: Joining) -> Joining:
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # What a boundary is called does not change which lines it bears out
     boundaries = boundary_lines.continued([boundary_lines.form_by_ground(b) for b in boundaries])
+    if now.shows_paint and _is_dense(now.boxes):
+        boundaries = weighed_by_width(boundaries, axes_of_lines(boundaries), paint, path)
+        wide = [b for b in boundaries if b.on_road < EVEN]
+        edges += left_out(wide, "road_boundary", WIDE_LAND)
+        boundaries = [b for b in boundaries if b.on_road >= EVEN]
     now = with_parallel_edges(replace(now, boundaries=boundaries), edges)
     # Bars and arrows stand alone: paint that runs along a line is a piece of that line
     lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]
@@ -282,6 +295,12 @@ def keep_consistent(now: Joining) -> Joining:
     now = _aside(now, left_out(now.other, "road_marking_other", why))
     other = [m for m, reason in zip(now.other, why, strict=True) if not reason]
     return replace(now, markings=markings, other=other)
+
+
+def _is_dense(boxes: Mapping[BoxForm, BoxSet]) -> bool:
+    """Return whether points lie close enough for markings to show: most edges were measured in the usual search area."""
+    half_u_m = np.concatenate([boxes[form].half_u_m for form in (BoxForm.EDGE, BoxForm.CHANGE)])
+    return bool(len(half_u_m) and np.median(half_u_m) <= 0.5 * BOX_CELL_M)
 
 
 def with_parallel_edges(now: Joining, edges: Sequence[Candidate]) -> Joining:

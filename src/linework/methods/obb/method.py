@@ -169,7 +169,10 @@ class Obb:
 
     def begin_join(self, boxes: BoxSet, survey: SurveyContext) -> joining.Joining:
         """Return the boxes of a survey as the first of `join_steps` takes them."""
-        return joining.begin(boxes, survey, self.config.track, keeps_candidates=CANDIDATE in self.kinds)
+        return joining.begin(
+            boxes, survey, self.config.track, shows_paint=survey.shows_paint and self.seeks_paint,
+            keeps_candidates=CANDIDATE in self.kinds,
+        )  # fmt: skip
 
     def end_join(self, now: joining.Joining, survey: SurveyContext) -> LineSet:
         """Return the lines that the last of `join_steps` leaves, in world coordinates."""
