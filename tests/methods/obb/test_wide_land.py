@@ -65,6 +65,8 @@ def meadow(*, lines_at=()):
     outside = np.abs(y) > 9.0
     z = np.where(outside, 0.1 + rng.normal(0.0, 0.03, n), rng.normal(0.0, 0.004, n))
     intensity = np.where(outside, 160.0, 100.0) + rng.normal(0.0, 6.0, n)
+    # Something bright lies in the grass
+    intensity[(np.abs(x - 20.0) < 0.4) & (np.abs(y - 5.0) < 0.075)] += 250.0
     for at in lines_at:
         intensity[np.abs(y - at) < 0.075] += 250.0
     points = Points(np.column_stack([x, y, z]), intensity=intensity.astype(np.float32))
@@ -82,3 +84,11 @@ def test_a_wide_meadow_has_no_boundaries_and_a_painted_road_has(lines_at, finds_
     reasons = lines.reason[lines.candidate_kind == "road_boundary"].tolist()
     assert (edges.length_m.sum() > 100.0) == finds_edges
     assert (WIDE_LAND in reasons) != finds_edges
+
+
+def test_points_that_are_all_equally_bright_say_nothing_of_paint():
+    points, path = meadow()
+    points = replace(points, intensity=np.full(len(points), 100.0, dtype=np.float32))
+    tile = whole_tile(tile_of(points, path))
+    lines = Obb().join(Obb().look(tile), context_of_tile(tile))
+    assert lines.take(lines.kind == "road_boundary").length_m.sum() > 100.0

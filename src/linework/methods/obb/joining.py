@@ -281,7 +281,7 @@ def keep_consistent(now: Joining) -> Joining:
     boundaries = [b for b, reason in zip(boundaries, why, strict=True) if not reason]
     # What a boundary is called does not change which lines it bears out
     boundaries = boundary_lines.continued([boundary_lines.form_by_ground(b) for b in boundaries])
-    if now.shows_paint and _is_dense(now.boxes):
+    if now.shows_paint and _would_show_markings(now.boxes):
         boundaries = weighed_by_width(boundaries, axes_of_lines(boundaries), paint, path)
         wide = [b for b in boundaries if b.on_road < EVEN]
         edges += left_out(wide, "road_boundary", WIDE_LAND)
@@ -297,8 +297,14 @@ def keep_consistent(now: Joining) -> Joining:
     return replace(now, markings=markings, other=other)
 
 
-def _is_dense(boxes: Mapping[BoxForm, BoxSet]) -> bool:
-    """Return whether points lie close enough for markings to show: most edges were measured in the usual search area."""
+def _would_show_markings(boxes: Mapping[BoxForm, BoxSet]) -> bool:
+    """Return whether markings would be found: points lie close enough, and their brightness varies.
+
+    Most edges were measured in the usual search area, and chance alone makes a stripe or a patch somewhere: files in which all
+    points are equally bright have none.
+    """
+    if not any(len(boxes[form]) for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)):
+        return False
     half_u_m = np.concatenate([boxes[form].half_u_m for form in (BoxForm.EDGE, BoxForm.CHANGE)])
     return bool(len(half_u_m) and np.median(half_u_m) <= 0.5 * BOX_CELL_M)
 

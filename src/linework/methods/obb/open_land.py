@@ -15,8 +15,8 @@ from linework.methods.tracking.arrangement import BESIDE_KERB_M, FACING_M, HALF_
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.neighbours import LineAxis, find_neighbours
 
-#: Widest carriageway on which nothing is painted as a rule: two lanes. What is wider gets lane lines, of 5.5 m and more outside
-#: of towns (RMS-1; MUTCD 3B.01). [m]
+#: Widest carriageway on which nothing is painted as a rule: two lanes. Wider ones have lane lines; outside of towns,
+#: those of 5.5 m and more have a centre line (RMS-1; MUTCD 3B.01). [m]
 UNPAINTED_M = 7.5
 #: Width of each further lane [m], and the chance that it is not marked off where no kerb bounds it either. An estimate: yards
 #: and parking places are such ground, roads hardly ever.

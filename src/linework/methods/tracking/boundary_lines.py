@@ -90,8 +90,8 @@ class SmoothBoundary:
     scores, contrasts, rougher
         (k,) float64: those of the boxes.
     on_road
-        Chance that the ground on its carriageway's side is road rather than open land, by its evenness alone; 1 for
-        kerbs, which are built.
+        Chance that the ground on its carriageway's side is road rather than open land, by its evenness, in the end
+        also by its width without paint; 1 for kerbs, which are built.
     """
 
     line: SmoothLine
