@@ -119,3 +119,4 @@ def test_a_line_is_chosen_and_one_is_drawn_by_keys_alone(plan):
     assert len(drawn) == 1
     assert np.hypot(*(drawn.xyz[1] - drawn.xyz[0])[:2]) == pytest.approx(180 * view[2], rel=0.05)
     plan.press("Control+z")
+    plan.saved_since(revision + 1)
