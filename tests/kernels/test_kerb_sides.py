@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.kernels.boundaries.kerb_sides import EDGE_NEAR_BINS, edge_before_shadow, measure_seen_step
-from linework.kernels.boundaries.kerb_steps import (
+from linework.kernels.boundaries.kerbs.sides import EDGE_NEAR_BINS, edge_before_shadow, measure_seen_step
+from linework.kernels.boundaries.kerbs.steps import (
     CLEAREST_COLUMNS,
     STEP_COLUMNS,
     STEP_FOOT,

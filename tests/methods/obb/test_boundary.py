@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.kernels.boundaries.kerb_steps import CLEAREST_COLUMNS, MOST_TRIED, best_step
+from linework.kernels.boundaries.kerbs.steps import CLEAREST_COLUMNS, MOST_TRIED, best_step
 from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
 from linework.methods.tracking.boundary_lines import form_by_ground, smooth_boundaries
 from linework.methods.tracking.track import TrackConfig, track_lines

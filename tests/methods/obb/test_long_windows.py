@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from linework.kernels.boundaries.boundary_boxes import make_scratch
-from linework.kernels.boundaries.kerb_bends import follow_bend
-from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, kerb_in_window
-from linework.kernels.boundaries.kerb_sides import measure_seen_step
-from linework.kernels.boundaries.kerb_steps import (
+from linework.kernels.boundaries.kerbs.bends import follow_bend
+from linework.kernels.boundaries.kerbs.boxes import kerb_in_cell, kerb_in_window
+from linework.kernels.boundaries.kerbs.sides import measure_seen_step
+from linework.kernels.boundaries.kerbs.steps import (
     CLEAREST_COLUMNS,
     MOST_TRIED,
     STEP_COLUMNS,

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.kerb_steps import fit_face
+from linework.kernels.boundaries.kerbs.steps import fit_face
 from linework.kernels.boundaries.profiles import (
     AGAIN_M,
     CHORD_SLACK_M,
@@ -97,7 +97,7 @@ def barrier_in_cell(
 ) -> int:
     """Find the foot of a barrier in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (18,).
+    Arguments as for `linework.kernels.boundaries.kerbs.boxes.kerb_in_cell`, with slopes (4, 4) and box (18,).
     """
     work = scratch.work
     x, y = place

@@ -15,14 +15,14 @@ from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
 from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
 from linework.kernels.boundaries.channel_boxes import MOST_CHANNEL_POINTS, channel_in_cell
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
-from linework.kernels.boundaries.kerb_boxes import (
+from linework.kernels.boundaries.kerbs.boxes import (
     begins_beyond_shadow,
     box_cell_at,
     kerb_in_cell,
     may_be_kerb,
 )
-from linework.kernels.boundaries.kerb_ramps import ramp_in_cell, ramp_instead
-from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
+from linework.kernels.boundaries.kerbs.ramps import ramp_in_cell, ramp_instead
+from linework.kernels.boundaries.kerbs.steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, BY_ROUGHNESS
 from linework.kernels.boundaries.profiles import (
     CLIP_M,

@@ -28,7 +28,7 @@ from linework.kernels.boundaries.ground_changes import (
     best_change,
     settle_change,
 )
-from linework.kernels.boundaries.kerb_sides import EDGE_NEAR_BINS, edge_before_shadow
+from linework.kernels.boundaries.kerbs.sides import EDGE_NEAR_BINS, edge_before_shadow
 from linework.kernels.boundaries.profiles import (
     CHORD_SLACK_M,
     CLEAR_M,
@@ -122,7 +122,7 @@ def change_in_cell(
 ) -> int:
     """Find a change of the ground in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (18,).
+    Arguments as for `linework.kernels.boundaries.kerbs.boxes.kerb_in_cell`, with slopes (4, 4) and box (18,).
     """
     work, sums = scratch.work, scratch.sums
     x, y = place

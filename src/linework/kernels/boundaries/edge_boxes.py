@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.kerb_sides import EDGE_NEAR_BINS, edge_before_shadow
+from linework.kernels.boundaries.kerbs.sides import EDGE_NEAR_BINS, edge_before_shadow
 from linework.kernels.boundaries.pavement_edges import (
     BRIGHTER,
     BY_BOTH,
@@ -132,7 +132,7 @@ def edge_in_cell(
     """Find the pavement's edge in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
     First by roughness; where that shows nothing, by brightness alone. Arguments as for
-    `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with box (18,).
+    `linework.kernels.boundaries.kerbs.boxes.kerb_in_cell`, with box (18,).
     """
     work, sums, edge = scratch
     slopes, _ = around

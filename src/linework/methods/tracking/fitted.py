@@ -13,7 +13,7 @@ What a number adds by itself is recorded only where its entry says so. Limits th
 `MarkingConfig`, `BoundaryConfig` and `TrackConfig`; physical bounds (the height of a kerb, the length of a dash, the
 curvature of a road) are constants with their reason where they are used. Kernels cannot import from here: two numbers
 of this kind stand there, the share of independent points `linework.kernels.boundaries.pavement_edges.NEW_SHARE`, and
-the widths of the score of a kerb in `linework.kernels.boundaries.kerb_boxes`.
+the widths of the score of a kerb in `linework.kernels.boundaries.kerbs.boxes`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The box of a kerb with a sloping face in one cell: floor, ramp and top fitted together.
 
-Separate from `kerb_boxes`, which looks for a step: flat kerbs, worn stones and banks of pavers rise by 10 cm over 0.25 to
+Separate from `boxes`, which looks for a step: flat kerbs, worn stones and banks of pavers rise by 10 cm over 0.25 to
 0.5 m. Between two lines with a break their faces are taken for steep tops.
 
 Frame and points as in `linework.kernels.boundaries.profiles`; the carriageway is at positive v.
@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.kerb_boxes import (
+from linework.kernels.boundaries.kerbs.boxes import (
     LONGEST_HALF_M,
     PROFILE_SHARE,
     box_cell_at,
@@ -20,8 +20,8 @@ from linework.kernels.boundaries.kerb_boxes import (
     rises_throughout,
     write_kerb,
 )
-from linework.kernels.boundaries.kerb_sides import COVER_COLUMNS, filled_shares
-from linework.kernels.boundaries.kerb_steps import (
+from linework.kernels.boundaries.kerbs.sides import COVER_COLUMNS, filled_shares
+from linework.kernels.boundaries.kerbs.steps import (
     CLEAR_STEP,
     FLOOR_POINTS,
     KERB_REACH_V,
@@ -141,7 +141,7 @@ def ramp_in_cell(
 ) -> int:
     """Find the foot of a sloping kerb in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Parameters as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4); scale: radius of the
+    Parameters as for `linework.kernels.boundaries.kerbs.boxes.kerb_in_cell`, with slopes (4, 4); scale: radius of the
     search area over the usual one.
     """
     x, y = place
@@ -269,7 +269,7 @@ def best_ramp(
 ) -> bool:
     """Turn the v-axis until a ramp explains the profile best; return False if none does.
 
-    Parameters as for `linework.kernels.boundaries.kerb_steps.best_step`; out: (8,), columns `RAMP_VX` to
+    Parameters as for `linework.kernels.boundaries.kerbs.steps.best_step`; out: (8,), columns `RAMP_VX` to
     `RAMP_NOISE`.
     """
     step = PROFILE_BIN_M * scale
@@ -371,7 +371,7 @@ def measure_ramp(
 
     The foot is where the planes of floor and ramp meet, the top edge where those of ramp and top do.
 
-    Parameters as for `linework.kernels.boundaries.kerb_steps.measure_step`, with first (8,): see `best_ramp`.
+    Parameters as for `linework.kernels.boundaries.kerbs.steps.measure_step`, with first (8,): see `best_ramp`.
     """
     vx, vy = first[RAMP_VX], first[RAMP_VY]
     foot, top = first[RAMP_FOOT], first[RAMP_TOP]

@@ -1,6 +1,6 @@
 """The bend of a kerb within a long window: how far its ends lie beside its middle, and the points unbent.
 
-Separate from `kerb_steps`, which measures a straight step: round a corner of 10 m radius the ends of 4 m of kerb lie 20 cm
+Separate from `steps`, which measures a straight step: round a corner of 10 m radius the ends of 4 m of kerb lie 20 cm
 beside its middle, and a straight step lies a third of that beside it.
 
 Frame and points as in `linework.kernels.boundaries.profiles`; the carriageway is at positive v.
@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.kerb_sides import measure_seen_step
-from linework.kernels.boundaries.kerb_steps import (
+from linework.kernels.boundaries.kerbs.sides import measure_seen_step
+from linework.kernels.boundaries.kerbs.steps import (
     CLEAREST_VX,
     CLEAREST_VY,
     STEP_FLOOR_A,
@@ -59,7 +59,7 @@ def follow_bend(
     work
         (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`; unbent by this.
     first, scale, half_u
-        As for `linework.kernels.boundaries.kerb_steps.measure_step`.
+        As for `linework.kernels.boundaries.kerbs.steps.measure_step`.
     step
         (19,) input and output: as measured straight, and again.
     """
@@ -88,7 +88,7 @@ def bend_of(work: FloatArray, n: int, step: FloatArray, half_u: float) -> tuple[
     work
         (n or more, 4): points, see `linework.kernels.boundaries.profiles.gather_at`.
     step
-        (19,): see `linework.kernels.boundaries.kerb_steps.measure_step`.
+        (19,): see `linework.kernels.boundaries.kerbs.steps.measure_step`.
     half_u
         Half of the length of the window. [m]
     """

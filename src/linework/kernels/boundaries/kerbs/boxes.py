@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.boundaries.kerb_bends import follow_bend
-from linework.kernels.boundaries.kerb_sides import (
+from linework.kernels.boundaries.kerbs.bends import follow_bend
+from linework.kernels.boundaries.kerbs.sides import (
     COVER_BOTH,
     COVER_COLUMNS,
     COVER_FLOOR,
@@ -22,7 +22,7 @@ from linework.kernels.boundaries.kerb_sides import (
     filled_shares,
     measure_seen_step,
 )
-from linework.kernels.boundaries.kerb_steps import (
+from linework.kernels.boundaries.kerbs.steps import (
     CLEAR_LONG_STEP,
     CLEAR_STEP,
     CLEAREST_ABOVE,
@@ -284,7 +284,7 @@ def rises_throughout(work: FloatArray, n: int, step: FloatArray, scale: float, h
     """Return whether a measured step rises by half of its height and more in both halves of its window along u.
 
     What stands at one place only (a post, a car's corner, a few strays) makes no long step. Parameters as for
-    `linework.kernels.boundaries.kerb_sides.filled_shares`.
+    `linework.kernels.boundaries.kerbs.sides.filled_shares`.
     """
     low, high, n_low, n_high = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     for i in range(n):

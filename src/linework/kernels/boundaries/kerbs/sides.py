@@ -1,6 +1,6 @@
 """What the points on both sides of a step show: the floor that it hides from the scanner, and how far both extend.
 
-Separate from `kerb_steps`, which measures a step whose shadow is known.
+Separate from `steps`, which measures a step whose shadow is known.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.kerb_steps import (
+from linework.kernels.boundaries.kerbs.steps import (
     CLEAREST_VX,
     CLEAREST_VY,
     FACE_POINTS_LEAST,
