@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from tests.scenes.effort import examples
 
 from linework.methods.obb.kerbs_and_edges import BOUNDARY_REACH_M, BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.obb.method import BOX_REACH_M
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
@@ -53,8 +55,8 @@ def inside(boxes: BoxSet, b: Bounds) -> BoxSet:
     return boxes.take((x >= b.west) & (x < b.east) & (y >= b.south) & (y < b.north))
 
 
-def part_of_surface(b: Bounds) -> Ground:
-    g = SURFACE.grid
+def part_of_surface(whole: Ground, b: Bounds) -> Ground:
+    g = whole.grid
     c0, c1 = max(int((b.west - g.east_m) // 0.5), 0), int(-(-(b.east - g.east_m) // 0.5))
     r0, r1 = max(int((g.north_m - b.north) // 0.5), 0), int(-(-(g.north_m - b.south) // 0.5))
     part = slice(r0, r1), slice(c0, c1)
@@ -62,18 +64,22 @@ def part_of_surface(b: Bounds) -> Ground:
         g,
         east_m=g.east_m + 0.5 * c0,
         north_m=g.north_m - 0.5 * r0,
-        n_rows=SURFACE.road_m[part].shape[0],
-        n_cols=SURFACE.road_m[part].shape[1],
+        n_rows=whole.road_m[part].shape[0],
+        n_cols=whole.road_m[part].shape[1],
     )
-    columns = (SURFACE.road_m, SURFACE.ground_m, SURFACE.is_road, SURFACE.is_ground)
-    return Ground(grid, SURFACE.z0_m, *(column[part] for column in columns))
+    columns = (whole.road_m, whole.ground_m, whole.is_road, whole.is_ground)
+    return Ground(grid, whole.z0_m, *(column[part] for column in columns))
 
 
-def tile_over(core: Bounds) -> tuple[TileData, Ground]:
-    extent = core.grown(BOUNDARY_REACH_M)
-    x, y = POINTS.xyz[:, 0], POINTS.xyz[:, 1]
+def tile_over(
+    core: Bounds, points: Points = POINTS, surface: Ground = SURFACE, reach_m: float = BOUNDARY_REACH_M
+) -> tuple[TileData, Ground]:
+    extent = core.grown(reach_m)
+    x, y = points.xyz[:, 0], points.xyz[:, 1]
     held = (x >= extent.west) & (x < extent.east) & (y >= extent.south) & (y < extent.north)
-    return TileData("part", core, POINTS.take(held), origin=ORIGIN), part_of_surface(extent.grown(2.0))
+    return TileData("part", core, points.take(held), origin=ORIGIN), part_of_surface(
+        surface, extent.grown(2.0)
+    )
 
 
 def test_the_scene_has_both_forms():
@@ -94,3 +100,52 @@ def test_times_are_those_of_the_points_nearby():
     x = BOXES.centre[:, 0] - (WEST - ORIGIN[0])
     assert (BOXES.time_start_s >= 100.0 + x - 0.6).all() and (BOXES.time_end_s <= 100.0 + x + 0.6).all()
     assert (BOXES.time_start_s <= BOXES.time_end_s).all()
+
+
+def flush_street() -> Points:
+    """A street, a little askew, that ends flush at a bright gutter 0.4 m wide and at a bright kerb stone, 9 m apart."""
+    rng = np.random.default_rng(6)
+    x, y = rng.uniform(0, SIZE_M, (2, 200_000))
+    v = y - 0.2 * x - 5.0
+    off = np.maximum(np.maximum(-v, v - 9.0), 0.0)
+    z = 30.0 + 0.02 * x + 0.02 * np.minimum(np.clip(v, 0, 9), 9 - np.clip(v, 0, 9)) + 0.025 * off
+    is_bright = ((v > 0.0) & (v < 0.4)) | ((v > 9.0) & (v < 9.15))
+    intensity = np.where(is_bright, 800, 400) * rng.uniform(0.8, 1.2, len(x))
+    order = np.lexsort((x, y))
+    xyz = np.column_stack([WEST + x, SOUTH + y, z + rng.normal(0, 0.004, len(x))])
+    return Points(xyz[order], intensity=intensity[order].astype(np.float32), time_s=100.0 + x[order])
+
+
+STREET = flush_street()
+STREET_SURFACE = find_ground(STREET, None, RoadConfig())
+
+
+def boxes_with_stripes(tile: TileData, surface: Ground) -> BoxSet:
+    stripes = find_marking_boxes(tile, surface, MarkingConfig())
+    return find_boundary_boxes(tile, surface, BoundaryConfig(), stripes=stripes)
+
+
+WITH_STRIPES = boxes_with_stripes(TileData("whole", STREET.bounds, STREET, origin=ORIGIN), STREET_SURFACE)
+
+
+def test_the_street_has_channels_that_only_stripes_show():
+    alone = find_boundary_boxes(
+        TileData("whole", STREET.bounds, STREET, origin=ORIGIN), STREET_SURFACE, BoundaryConfig()
+    )
+    v = (
+        (WITH_STRIPES.centre[:, 1] - SOUTH + ORIGIN[1])
+        - 0.2 * (WITH_STRIPES.centre[:, 0] - WEST + ORIGIN[0])
+        - 5.0
+    )
+    is_channel = WITH_STRIPES.form == BoxForm.CHANNEL
+    for edge in (0.0, 9.0):
+        assert np.count_nonzero(is_channel & (np.abs(v - edge) < 0.1)) > 30
+    assert np.count_nonzero(is_channel) > np.count_nonzero(alone.form == BoxForm.CHANNEL) + 30
+
+
+@settings(max_examples=examples(15), deadline=None)
+@given(st.floats(0.0, 18.0), st.floats(0.0, 18.0), st.floats(1.0, 8.0), st.floats(1.0, 8.0))
+def test_boxes_beside_stripes_are_the_same_to_the_last_bit_in_every_tile(west, south, width, height):
+    core = Bounds(WEST + west, SOUTH + south, WEST + west + width, SOUTH + south + height)
+    part = boxes_with_stripes(*tile_over(core, STREET, STREET_SURFACE, BOX_REACH_M))
+    assert same_bytes(inside(part, core), inside(WITH_STRIPES, core))

@@ -10,10 +10,14 @@ from __future__ import annotations
 #: dtype, for an array ``:`` with dimensions and layout and ``!`` where it is read-only; tuples in brackets, named ones
 #: after the name of their class.
 CALLED_WITH = """
+boundaries.boundary_boxes.boxes_at_stripes = paint boundaries
+    boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C,b1:1C,i8:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C!) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) f8:2C
 boundaries.boundary_boxes.boxes_in_cells = paint boundaries
-    boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C!) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) (f8,f8,f8,f8)
+    boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C,b1:1C,i8:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C!) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) (f8,f8,f8,f8)
 boundaries.evenness.unevenness_beside = paint boundaries
     f8:2C i8:1C f8:2C
+boundaries.walls.points_of_walls = paint boundaries
+    f8:2C i8:1C i8:1C
 cables.catenary.derivatives = cables
     f8 f8 f8
 cables.catenary.fit = cables
@@ -61,7 +65,7 @@ cells.blocks.lowest_of_blocks = paint boundaries rails cables points
 cells.blocks.supported_lowest = paint boundaries rails cables points
     f4:3C f8 i8
 cells.floor.cell_sums = paint boundaries
-    f8:2C i8:1C i8:1C
+    f8:2C i8:1C i8:1C b1:1C
 cells.floor.cells_near_ground = paint boundaries
     f8:2C! f8:1C f8 i8 i8 f4:2C b1:2C (f8,f8)
 cells.floor.facets_of = paint boundaries

@@ -36,11 +36,15 @@ from linework.kernels.boundaries.profiles import (
     LocalFloor,
     PlaceScratch,
 )
+from linework.kernels.boundaries.stone_boxes import STONE_X, STONE_Y, box_of_stone
+from linework.kernels.boundaries.walls import AT_FOOT_M, gather_ground_area, has_wall
 from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.cells.places import (
+    AREA_M,
     AREA_POINTS,
     BOX_ALL_ROAD,
     BOX_CONTRAST,
+    BOX_ELSEWHERE,
     BOX_END,
     BOX_FOUND,
     BOX_HOLE,
@@ -174,9 +178,7 @@ def change_box_in_cell(
     floor, limits, slopes, _, share = around
     if share < LEAST_FLOOR_SHARE or not may_change(slopes):
         return BOX_ALL_ROAD
-    area = gather_area(
-        data.points, data.starts, data.span, place, floor.plane, scratch.work, CHANGE_AREA_POINTS
-    )
+    area = gather_ground_area(data, place, floor.plane, scratch.work, CHANGE_AREA_POINTS, ENOUGH_POINTS)
     return change_in_cell(data, place, floor, slopes, area, limits, scratch, box)
 
 
@@ -234,6 +236,9 @@ def boxes_in_cells(
     against_road = FloorLimits(
         limits.least_step, limits.steepest, limits.highest_step, limits.most_noise, 0.0
     )
+    with_walls = FloorCells(
+        data.points, starts, span, data.sums, data.facets, data.near_road, np.zeros_like(data.is_wall), starts
+    )
     out = np.empty((1024, COLUMNS))
     n = 0
     for r in range(0, span[SPAN_ROWS], 2):
@@ -261,12 +266,45 @@ def boxes_in_cells(
                 known, around = look_around(data, ground, (x, y), against_road, plane, slopes)
             if known != BOX_FOUND:
                 continue
-            if change_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
+            why = change_box_in_cell(data, (x, y), around, scratch, out[n])
+            if why != BOX_FOUND and has_wall(data, (x, y), AREA_M):
+                # The ground ends at its foot, or at that of a hedge
+                why = change_box_in_cell(with_walls, (x, y), around, scratch, out[n])
+                if why == BOX_FOUND and not has_wall(data, (out[n, BOX_X], out[n, BOX_Y]), AT_FOOT_M):
+                    why = BOX_ELSEWHERE
+            if why == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
             if channel_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
+    return out[:n]
+
+
+@njit(cache=True, nogil=True)
+def boxes_at_stripes(
+    data: FloorCells,
+    ground: tuple[Float32Array, float, int, int],
+    times: tuple[IntArray, FloatArray],
+    limits: FloorLimits,
+    stripes: FloatArray,
+) -> FloatArray:
+    """Return the channels and low kerbs at edges of stripes, (k, 18), in the order of the stripes.
+
+    Parameters
+    ----------
+    data, ground, times, limits
+        As for `boxes_in_cells`.
+    stripes
+        (m, 7) with the columns of `linework.kernels.boundaries.stone_boxes`, `STONE_X` to `STONE_TO`.
+    """
+    scratch, out = make_scratch(), np.full((len(stripes) + 1, COLUMNS), np.nan)
+    n = 0
+    for i in range(len(stripes)):
+        slope = slope_at((stripes[i, STONE_X], stripes[i, STONE_Y]), ground)
+        if box_of_stone(data, stripes[i], slope, limits.least_step, scratch, out[n]):
+            write_box_times(data.starts, data.span, times, out[n])
+            n += 1
     return out[:n]
 
 

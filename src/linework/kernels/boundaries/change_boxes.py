@@ -47,8 +47,8 @@ from linework.kernels.boundaries.profiles import (
     LocalFloor,
     PlaceScratch,
     fit_side,
-    gather_at,
 )
+from linework.kernels.boundaries.walls import gather_ground
 from linework.kernels.cells.places import (
     BOX_ALL_ROAD,
     BOX_CELL_M,
@@ -154,10 +154,7 @@ def change_in_cell(
     # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
     plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
-    n = gather_at(
-        data.points, data.starts, data.span, (x + mx, y + my), CHANGE_AGAIN_M * scale, plane, MOST_PLACE_POINTS,
-        work,
-    )  # fmt: skip
+    n = gather_ground(data, (x + mx, y + my), CHANGE_AGAIN_M * scale, plane, MOST_PLACE_POINTS, work)
     if not best_change(work, n, (vx, vy), scale, True, sums, change):
         return BOX_ALL_ROAD
     if not settle_change(work, n, scale, sums, first, change):

@@ -1,4 +1,4 @@
-"""The box of a channel in one cell: the line at which two even, smooth slopes meet and to which both fall.
+"""Boxes of channels: lines at which two even, smooth slopes meet and to which both fall.
 
 Where a carriageway ends flush with its footway, both fall towards their common edge by 2 % and more (the crossfall of
 either), so that water runs off there. Neither step, nor roughness, nor brightness need tell them apart: a gutter of
@@ -34,6 +34,8 @@ from linework.kernels.boundaries.profiles import (
     LEAST_VV,
     N_PROFILE_BINS,
     PLACE_R,
+    PLACE_X,
+    PLACE_Y,
     PLANE_EAST,
     PLANE_HEIGHT,
     PLANE_NORTH,
@@ -42,9 +44,10 @@ from linework.kernels.boundaries.profiles import (
     LocalFloor,
     PlaceScratch,
     bin_sums_across,
-    gather_at,
+    fit_side,
     line_through,
 )
+from linework.kernels.boundaries.walls import gather_ground
 from linework.kernels.cells.floor import (
     FACET_HEIGHT,
     FACET_N,
@@ -207,6 +210,50 @@ def left_by_step(sums: FloatArray) -> float:
 
 
 @njit(cache=True, nogil=True)
+def ground_across(
+    data: FloorCells,
+    place: tuple[float, float],
+    frame: tuple[float, float],
+    plane: FloatArray,
+    extent: float,
+    work: FloatArray,
+) -> tuple[int, FloatArray, float]:
+    """Write the points of the ground about a place, above the plane through them; return their number, it, and its noise [m].
+
+    The slope of a single cell, 0.5 m wide, would add to the noise of points 1.5 m away.
+
+    Parameters
+    ----------
+    frame
+        Unit vector across.
+    plane
+        (3,): near the ground there.
+    extent
+        How far across the plane is fitted. [m]
+    work
+        (n, 4) output: see `linework.kernels.boundaries.profiles.gather_at`.
+    """
+    vx, vy = frame
+    n = gather_ground(data, place, CHANNEL_AREA_M, plane, MOST_CHANNEL_POINTS, work)
+    window = (-extent, extent, CHANNEL_HALF_M)
+    a, b, c, noise, count = fit_side(work, n, frame, window, (0.0, NEAR_SLOPE_M), (LEAST_VV, LEAST_VV))
+    if count == 0.0:
+        return 0, plane, noise
+    near = 0
+    for i in range(n):
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        work[i, PLACE_R] -= a + b * (x * vy - y * vx) + c * (x * vx + y * vy)
+        if abs(work[i, PLACE_R]) <= NEAR_SLOPE_M:
+            work[near] = work[i]
+            near += 1
+    through = plane.copy()
+    through[PLANE_HEIGHT] += a
+    through[PLANE_EAST] += b * vy + c * vx
+    through[PLANE_NORTH] += c * vy - b * vx
+    return near, through, noise
+
+
+@njit(cache=True, nogil=True)
 def channel_in_cell(
     data: FloorCells,
     place: tuple[float, float],
@@ -224,14 +271,7 @@ def channel_in_cell(
     vx, vy = rise_around(data, place, most_noise)
     if vx == 0.0 and vy == 0.0:
         return BOX_ALL_ROAD
-    n = gather_at(
-        data.points, data.starts, data.span, place, CHANNEL_AREA_M, floor.plane, MOST_CHANNEL_POINTS, work
-    )
-    near = 0
-    for i in range(n):
-        if abs(work[i, PLACE_R]) <= NEAR_SLOPE_M:
-            work[near] = work[i]
-            near += 1
+    near, plane, _ = ground_across(data, place, (vx, vy), floor.plane, CHANNEL_FLANK_M, work)
     if near < 2.0 * CHANGE_SIDE_POINTS:
         return BOX_HOLE
     half = int(CHANNEL_SOUGHT_M / CHANNEL_BIN_M) + 1
@@ -272,7 +312,6 @@ def channel_in_cell(
     u = 0.5 * (low + high)
     dx, dy = v * vx + u * vy, v * vy - u * vx
     box[BOX_X], box[BOX_Y] = x + dx, y + dy
-    plane = floor.plane
     box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + height
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = 0.5 * BOX_CELL_M

@@ -75,6 +75,8 @@ class FloorCells(NamedTuple):
         See `linework.kernels.cells.floor.cell_sums` and `facets_of`.
     near_road
         (cells,) bool: whether road was measured in or close to each cell of two fine ones.
+    is_wall, on_ground
+        (n,) bool and (n_cells + 1,) int64; see `linework.kernels.boundaries.walls.points_of_walls`.
     """
 
     points: FloatArray
@@ -83,6 +85,8 @@ class FloorCells(NamedTuple):
     sums: FloatArray
     facets: FloatArray
     near_road: BoolArray
+    is_wall: BoolArray
+    on_ground: IntArray
 
 
 class FloorLimits(NamedTuple):

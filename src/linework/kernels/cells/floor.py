@@ -167,10 +167,11 @@ def sort_by_cell(
 
 
 @njit(cache=True, nogil=True)
-def cell_sums(points: FloatArray, starts: IntArray, span: IntArray) -> FloatArray:
+def cell_sums(points: FloatArray, starts: IntArray, span: IntArray, left_out: BoolArray) -> FloatArray:
     """Return the sums over the points of each fine cell, (cells, 11), x and y from its centre.
 
-    Columns `SUM_N` to `SUM_STRENGTH`; the arguments are what `sort_by_cell` returns, and its `span`.
+    Columns `SUM_N` to `SUM_STRENGTH`; the first three arguments are what `sort_by_cell` returns, and its `span`;
+    left_out: which points (n,) are, or (0,) for none.
     """
     sums = np.zeros((len(starts) - 1, SUM_COLUMNS))
     n_cols = span[SPAN_COLS]
@@ -179,6 +180,8 @@ def cell_sums(points: FloatArray, starts: IntArray, span: IntArray) -> FloatArra
         y0 = (span[SPAN_SOUTH] + b // n_cols + 0.5) * FINE_M
         s = sums[b]
         for i in range(starts[b], starts[b + 1]):
+            if len(left_out) > 0 and left_out[i]:
+                continue
             x, y, z = points[i, 0] - x0, points[i, 1] - y0, points[i, 2]
             s[SUM_N] += 1.0
             s[SUM_X] += x

@@ -197,8 +197,8 @@ def face_the_road(now: Joining) -> Joining:
 def find_paint(now: Joining) -> Joining:
     """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
     kerbs, config = axes_of_lines(now.kerbs), now.config
-    # A stripe that reaches behind the foot lies on gutter and kerb stone, however far in front its middle is
-    reach_m = np.maximum(ON_FOOT_M, now.boxes[BoxForm.STRIPE].half_v_m - ON_FOOT_M)
+    # A stripe that reaches to the foot lies on gutter or kerb stone, however far in front its middle is
+    reach_m = now.boxes[BoxForm.STRIPE].half_v_m + ON_FOOT_M
     on_stone = {
         BoxForm.STRIPE: beside_kerb(now.boxes[BoxForm.STRIPE], kerbs, -KERB_STONE_M, reach_m),
         BoxForm.OTHER_PAINT: beside_kerb(now.boxes[BoxForm.OTHER_PAINT], kerbs, -KERB_STONE_M, ON_FOOT_M),
@@ -271,7 +271,8 @@ def keep_consistent(now: Joining) -> Joining:
         )
         for which in (bounds & takes_paint, bounds)
     )
-    why = np.where(behind, BEHIND, np.where(on_channels(lanes, channels), GUTTER_STONES, ""))
+    is_gutter = on_channels(lanes, np.array([m.width_m for m in now.markings]), channels)
+    why = np.where(behind, BEHIND, np.where(is_gutter, GUTTER_STONES, ""))
     now = _aside(now, left_out(now.markings, "lane_marking", why))
     markings = [m for m, reason in zip(now.markings, why, strict=True) if not reason]
     # A boundary has a carriageway in front of it and none behind it: what may be stone is not in front of what is behind

@@ -18,24 +18,32 @@ from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels.boundaries import boundary_boxes as kernels
 from linework.kernels.boundaries.evenness import unevenness_beside
 from linework.kernels.boundaries.profiles import FloorCells, FloorLimits
+from linework.kernels.boundaries.stone_boxes import AT_EDGE_M
+from linework.kernels.boundaries.walls import points_of_walls
 from linework.kernels.cells import floor, places
 from linework.kernels.cells.bins import steps_to_set
-from linework.model.boxes import BoxSet
+from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.ground import Ground
 from linework.model.points import Points
 from linework.model.settings import Settings, setting
 from linework.model.tile import TileData, local_origin
 
-#: A box depends on the points within this of its cell only: a search area of 2 m, the facets around it, and the ground
-#: beside it (3.5 m). [m]
-BOUNDARY_REACH_M = 6.0
 #: Heights over the ground of the points that are used: feet of walls are above it, floors under grass below. [m]
 BOUNDARY_BAND_M = (-0.30, 0.60)
 #: Cells within this many steps of road or ground are used: half a metre into holes.
 NEAR_CELLS = 2
 #: Half of the extent of a boundary box across. [m]
 HALF_WIDTH_M = 0.25
+#: Widths of gutters of bright or dark stones. [m]
+GUTTERS_M = (0.10, 0.60)
+#: The middle of a stripe, or the front of a gutter, is this near to the boundary at its edge. [m]
+STONES_REACH_M = max(GUTTERS_M) + AT_EDGE_M
+#: A box depends on the points within this of its cell only: a search area of 2 m, the facets around it, and the ground
+#: beside it (3.5 m); one at the back of a gutter on those of the cell at its front. [m]
+BOUNDARY_REACH_M = 6.0 + STONES_REACH_M
+#: Without any bright stripe.
+NO_STRIPES = BoxSet.empty()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,10 +103,14 @@ class FloorPoints:
         no_strength = np.zeros(len(points), dtype=np.float32)
         strength = no_strength if points.intensity is None else points.intensity
         local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
-        sums = floor.cell_sums(local, starts, span)
+        sums = floor.cell_sums(local, starts, span, np.zeros(0, dtype=np.bool_))
         near_road = steps_to_set(surface.is_road, NEAR_CELLS) <= NEAR_CELLS
         of_cells = _at_cells(near_road, g.cell_width_m, west, north, span)
-        data = FloorCells(local, starts, span, sums, floor.facets_of(sums, span), of_cells)
+        # Floors are those of the ground alone
+        is_wall, on_ground = points_of_walls(local, starts, span)
+        of_ground = floor.cell_sums(local, starts, span, is_wall) if is_wall.any() else sums
+        facets = floor.facets_of(of_ground, span)
+        data = FloorCells(local, starts, span, sums, facets, of_cells, is_wall, on_ground)
         time_s = np.zeros(0) if points.time_s is None else points.time_s
         return cls(data, (ground_m, g.cell_width_m, west, north), (source, time_s))
 
@@ -116,17 +128,23 @@ def _at_cells(grid: BoolArray, cell_width_m: float, west: int, north: int, span:
 
 
 def find_boundary_boxes(
-    tile: TileData, surface: Ground, config: BoundaryConfig, cores: Sequence[Bounds] = ()
+    tile: TileData,
+    surface: Ground,
+    config: BoundaryConfig,
+    cores: Sequence[Bounds] = (),
+    stripes: BoxSet = NO_STRIPES,
 ) -> BoxSet:
-    """Return the boundary boxes of the cells that touch a tile's core.
+    """Return the boundary boxes in a tile's core: of its cells, by row (from the south) and column, then of its stripes.
 
-    Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in every tile
-    that holds the points within `BOUNDARY_REACH_M` of them.
+    They are the same to the last bit in every tile that holds the points within `BOUNDARY_REACH_M` of them.
 
     Parameters
     ----------
     cores
-        Disjoint parts of the core: only boxes whose centre lies in one of them are returned; none: the whole core.
+        Disjoint parts of the core, searched instead of the whole of it.
+    stripes
+        Bright stripes, paint or stone, up to `STONES_REACH_M` beyond the core: where the ground bends or steps at an edge
+        of theirs, there is a boundary.
     """
     if len(tile.points) == 0:
         return BoxSet.empty()
@@ -135,15 +153,42 @@ def find_boundary_boxes(
     base = FloorPoints.of(tile.points, surface, origin)
     parts = []
     for core in cores or (tile.core,):
-        local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
+        around = core.grown(STONES_REACH_M)
+        local = (
+            around.west - origin[0],
+            around.south - origin[1],
+            around.east - origin[0],
+            around.north - origin[1],
+        )
         # In every cell: the line where floor and face of a kerb meet, or the edge from smooth to rough
         found = kernels.boxes_in_cells(base.data, base.ground, base.times, kernel_settings(config), local)
-        # A cell on the border of two parts is searched for both
-        kept = holds(core, found[:, [places.BOX_X, places.BOX_Y]] + origin[:2]) if cores else slice(None)
-        parts.append(found[kept])
+        # Along bright stripes and changes of brightness: the bend or the low step at the edge of stones
+        near = stripes.take(holds(around, stripes.centre + origin))
+        seeds = np.concatenate([_edges_of_stripes(near), _behind_edges(found)])
+        stones = kernels.boxes_at_stripes(base.data, base.ground, base.times, kernel_settings(config), seeds)
+        found = np.concatenate([found, stones])
+        parts.append(found[holds(core, found[:, [places.BOX_X, places.BOX_Y]] + origin[:2])])
     rows = np.concatenate(parts)
     # Beside edges: how even the ground is that may be the carriageway's
     return boundary_box_set(rows, unevenness_beside(base.data.sums, base.data.span, rows))
+
+
+def _edges_of_stripes(stripes: BoxSet) -> FloatArray:
+    """Return where the ground may bend or step at an edge of stripes, (m, 7) [m, local]."""
+    narrow = stripes.take(stripes.form == BoxForm.STRIPE)
+    off = narrow.half_v_m[:, None] + [-AT_EDGE_M, AT_EDGE_M]
+    return np.column_stack([narrow.centre, narrow.u, off])
+
+
+def _behind_edges(rows: FloatArray) -> FloatArray:
+    """Return where the ground may bend or step at the back of a gutter, by changes of brightness at its front, (m, 7)."""
+    changes = rows[(rows[:, places.FORM] == places.EDGE) | (rows[:, places.FORM] == places.CHANGE)]
+    middle = 0.5 * sum(GUTTERS_M)
+    ux, uy = changes[:, places.BOX_UX], changes[:, places.BOX_UY]
+    # Outwards: to the right
+    x, y = changes[:, places.BOX_X] + middle * uy, changes[:, places.BOX_Y] - middle * ux
+    off = np.broadcast_to([0.0, 0.5 * (GUTTERS_M[1] - GUTTERS_M[0])], (len(changes), 2))
+    return np.column_stack([x, y, changes[:, places.BOX_Z], ux, uy, off])
 
 
 def local_origin_of(tile: TileData) -> tuple[float, float, float]:

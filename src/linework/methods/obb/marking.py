@@ -19,7 +19,7 @@ from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntAr
 from linework.kernels.paint import paint_points, stripes
 from linework.kernels.paint.stripes_ahead import cells_ahead
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
-from linework.methods.obb.kerbs_and_edges import local_origin_of
+from linework.methods.obb.kerbs_and_edges import STONES_REACH_M, local_origin_of
 from linework.methods.obb.own_paint import IS_PAINT
 from linework.methods.tracking.fitted import LEAST_PIECE_SCORE, PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
@@ -173,8 +173,8 @@ def find_marking_boxes(
     else:
         bright = _count_paint(paint)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
-    # A stripe that goes on into a core may begin outside of it
-    ahead_m = CELLS_AHEAD * MARKING_CELL_M if probability is None else 0.0
+    # A stripe that goes on into a core may begin outside of it, and a boundary in the core lie at the edge of one outside
+    ahead_m = STONES_REACH_M + (CELLS_AHEAD * MARKING_CELL_M if probability is None else 0.0)
     wanted = [core.grown(ahead_m) for core in cores or (tile.core,)]
     inside = np.any([_touches(core, origin, cells, paint.lattice) for core in wanted], axis=0)
     cells, places = cells[inside], places[inside]

@@ -138,11 +138,12 @@ class Obb:
             yield "probability of paint", probability
         # What lasers see differently is not paint
         tile = replace(tile, points=tile.gains.without(tile.points))
+        stripes = BoxSet.empty()
         if self.seeks_paint:
-            config = self.config.marking
-            yield "marking boxes", find_marking_boxes(tile, surface, config, cores, probability)
+            stripes = find_marking_boxes(tile, surface, self.config.marking, cores, probability)
+            yield "marking boxes", stripes
         if self._seeks_boundaries:
-            yield "boundary boxes", find_boundary_boxes(tile, surface, self.config.boundary, cores)
+            yield "boundary boxes", find_boundary_boxes(tile, surface, self.config.boundary, cores, stripes)
 
     def join(self, found: BoxSet, survey: SurveyContext) -> LineSet:
         """Return the lines through the boxes of a survey, in world coordinates."""

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linework.arrays import BoolArray
+from linework.arrays import BoolArray, FloatArray
 from linework.methods.tracking.arrangement import BESIDE_KERB_M, LANE_M, share_of_stations
 from linework.methods.tracking.neighbours import LineAxis, find_neighbours
 
 #: A survey's vehicle keeps this far from the end of a carriageway, from its middle: half of a van of 2.0 m and 0.2 m. [m]
 CLEAR_OF_EDGE_M = 1.2
-#: The middle of stones lies this near to their channel, which is measured to a few centimetres. [m]
-ON_CHANNEL_M = 0.08
+#: The channel along stones runs between their edges, or this far beyond: it is measured to a few centimetres. [m]
+BESIDE_STONES_M = 0.03
 #: A channel is within a carriageway if it is at more than this share of its stations.
 _SOME = 0.3
 #: It has a footway behind it if a boundary stands at the back of one at more than this share of its stations.
@@ -54,13 +54,13 @@ def has_footway_behind(channels: Sequence[LineAxis], bounds: Sequence[LineAxis])
     return np.asarray(share_of_stations(n, behind, every)[:m] > _MOST)
 
 
-def on_channels(markings: Sequence[LineAxis], channels: Sequence[LineAxis]) -> BoolArray:
-    """Return which markings lie on a channel over most of their length, (m,) bool: stones that lead water, not paint.
+def on_channels(markings: Sequence[LineAxis], width_m: FloatArray, channels: Sequence[LineAxis]) -> BoolArray:
+    """Return which markings (m,) of these widths have a channel under them over most of their length, (m,) bool.
 
-    Where water runs there is no line to guide traffic; a gutter of bright stones is narrower than `BESIDE_KERB_M`, with its
-    middle at the channel.
+    Where water runs there is no line to guide traffic: they are stones that lead it, or the kerb's where it is flush.
     """
     m, every = len(markings), [*markings, *channels]
     n = find_neighbours(every, LANE_M)
-    over = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) <= ON_CHANNEL_M)
+    reach_m = np.append(0.5 * width_m + BESIDE_STONES_M, np.zeros(len(channels)))
+    over = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) <= reach_m[n.line])
     return np.asarray(share_of_stations(n, over, every)[:m] > _MOST)
