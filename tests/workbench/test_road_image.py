@@ -204,3 +204,30 @@ def test_the_server_offers_the_road_image(served):
     assert {answer.status_code for answer in answers} <= {200, 204}
     pictures = [answer.content for answer in answers if answer.status_code == 200]
     assert pictures and all(content.startswith(b"\x89PNG") for content in pictures)
+
+
+def test_without_points_the_road_is_seen_without_gaps_before_each_pose(session):
+    """A place at the lower edge of its image is seen from the pose behind where its own pair's road lies below it."""
+    made = RoadImages(session.recordings.stereo, None)
+    path = session.recordings.stereo.poses.xyz[:, :2]
+    size = 64.0 * 2.0**FINE
+    seen = {}
+    for east, north in path[2:5]:
+        tile = MapTile(FINE, int(np.floor(east / size)), int(np.floor(north / size)))
+        seen[tile] = made.values(tile)[..., 3] > 0
+    assert min(each.mean() for each in seen.values()) > 0.99
+
+
+def test_looking_from_few_poses_gives_what_looking_from_all_gives(session, monkeypatch):
+    """Which poses are worth a look is told from some of a tile's places."""
+    place = session.recordings.stereo.poses.xyz[3, :2]
+    tiles = [
+        MapTile(level, *(int(np.floor(v / (64.0 * 2.0**level))) for v in place))
+        for level in (COARSEST_ROAD_LEVEL, FINE)
+    ]
+    few = RoadImages(session.recordings.stereo, session.surface)
+    found = [few.values(tile) for tile in tiles]
+    monkeypatch.setattr(picture, "with_neighbours", lambda numbers, _: numbers)
+    whole = RoadImages(session.recordings.stereo, session.surface)
+    for tile, values in zip(tiles, found, strict=True):
+        np.testing.assert_array_equal(values, whole.values(tile))

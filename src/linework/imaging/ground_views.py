@@ -107,12 +107,14 @@ class BestView:
         """Return that of n places before any pose was looked at."""
         return cls(np.full(n, -1, dtype=np.int64), np.full(n, LONGEST_FOOTPRINT_M), np.full((n, 2), np.nan))
 
-    def look(self, pose: int, view: GroundView) -> None:
-        """Look from a pose, too."""
-        better = view.footprint_m < self.footprint_m
+    def look(self, pose: int, view: GroundView, at: IntArray | None = None) -> None:
+        """Look from a pose, too; at some of the places (k,), or at all."""
+        places = np.arange(len(self.pose)) if at is None else at
+        is_better = view.footprint_m < self.footprint_m[places]
+        better = places[is_better]
         self.pose[better] = pose
-        self.footprint_m[better] = view.footprint_m[better]
-        self.pixels[better] = view.pixels[better]
+        self.footprint_m[better] = view.footprint_m[is_better]
+        self.pixels[better] = view.pixels[is_better]
 
 
 def image_values(image: AnyArray, pixels: FloatArray) -> AnyArray:
@@ -134,6 +136,19 @@ def poses_near(poses: Poses, low: FloatArray, high: FloatArray, within_m: float)
     away = np.maximum(np.maximum(low - xy, xy - high), 0.0)
     is_near: BoolArray = np.hypot(*away.T) <= within_m
     return np.flatnonzero(is_near)
+
+
+def with_neighbours(numbers: IntArray, chosen: IntArray) -> IntArray:
+    """Return those of the numbers (n,), in order, that were chosen, each with the ones before and after it.
+
+    >>> with_neighbours(np.array([2, 4, 6, 8, 10]), np.array([4, 4, -1])).tolist()
+    [2, 4, 6]
+    """
+    is_chosen = np.isin(numbers, chosen)
+    kept = is_chosen.copy()
+    kept[1:] |= is_chosen[:-1]
+    kept[:-1] |= is_chosen[1:]
+    return numbers[kept]
 
 
 def moved_poses(poses: Poses, numbers: IntArray, least_m: float) -> IntArray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import PIL.Image
 
-from linework.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.errors import InputError
 from linework.files.images.read import decoded_image, most_bytes
 from linework.files.images.screen import read_inside
@@ -25,6 +25,7 @@ from linework.imaging.ground_views import (
     image_values,
     moved_poses,
     poses_near,
+    with_neighbours,
 )
 from linework.methods.stereo.road_plane import RoadShape, fit_pair_road
 from linework.runs.opened.pairs import OpenedStereo
@@ -40,6 +41,11 @@ _N_IMAGES, _N_TILES = 8, 96
 #: A pose nearer to the last one that is looked at is left out: 10 m ahead, footprints, which grow with the square of the
 #: distance, differ by less than 2 % then, and a van that waits has hundreds of poses at one place. [m]
 MOVED_M = 0.1
+#: Distance of the places from which it is told which poses are worth a look at all of a tile's: poses are about a metre apart,
+#: and so are the bands that one sees best. [m]
+_SPARSE_M = 0.25
+#: Largest distance of those places. [pixels]
+_MOST_SPARSE_PX = 8
 
 
 def road_tile_png(session: SurveySession, tile: MapTile) -> bytes:
@@ -91,26 +97,57 @@ class RoadImages:
         # The footprint of a pixel grows with the square of the distance
         eye_m = max(float(rig.left.position_m[2]), 1.0) + 3.0
         reach_m = float(np.sqrt(LONGEST_FOOTPRINT_M * rig.left.fy * eye_m))
-        near = moved_poses(poses, poses_near(poses, low, high, reach_m), MOVED_M).tolist()
+        near = moved_poses(poses, poses_near(poses, low, high, reach_m), MOVED_M)
         ground = None if self.surface is None else self._ground(tile, places)
         # Which image sees a place best hardly depends on its height: one pair's surface, carried along, decides that
-        guess = next((shape for i in near if (shape := self._shape(i))), None) if ground is None else None
-        best = BestView.of(len(places))
-        for i in near:
-            height = ground if ground is not None else self._own_ground(i, places, guess)
-            best.look(i, self._view(i, places, height))
+        guess = (
+            next((shape for i in near.tolist() if (shape := self._shape(i))), None)
+            if ground is None
+            else None
+        )
+        sparse = _sparse_cells(tile)
+        few = None if ground is None else ground[sparse]
+        near = with_neighbours(near, self._best(near, places[sparse], few, guess).pose)
+        best = self._best(near, places, ground, guess)
+        if ground is None:
+            best = self._on_own_ground(near, places, best)
         for i in np.unique(best.pose[best.pose >= 0]).tolist():
             own = np.flatnonzero(best.pose == i)
             image, pixels = self._image(i), best.pixels[own]
-            if ground is None:
-                pixels = self._view(i, places[own], self._own_ground(i, places[own], self._shape(i))).pixels
             if image is None:
                 continue
-            seen = np.isfinite(pixels[:, 0])
-            colours = np.rint(image_values(image, pixels[seen])).astype(np.uint8)
-            out[own[seen], :3] = colours if colours.ndim == 2 else colours[:, None]
-            out[own[seen], 3] = 255
+            colours = np.rint(image_values(image, pixels)).astype(np.uint8)
+            out[own, :3] = colours if colours.ndim == 2 else colours[:, None]
+            out[own, 3] = 255
         return out.reshape(TILE_PX, TILE_PX, 4)
+
+    def _best(
+        self, poses: IntArray, places: FloatArray, ground: FloatArray | None, guess: RoadShape | None
+    ) -> BestView:
+        """Return which of the poses sees each place (n, 2) [m, world] best: on the ground, or on a guessed shape of the road."""
+        best = BestView.of(len(places))
+        for i in poses.tolist():
+            height = ground if ground is not None else self._own_ground(i, places, guess)
+            best.look(i, self._view(i, places, height))
+        return best
+
+    def _on_own_ground(self, poses: IntArray, places: FloatArray, guessed: BestView) -> BestView:
+        """Return the best views of places (n, 2) [m, world], each on the surface of its own pair.
+
+        By that, a place at the lower edge of its image may lie below it: it is then seen from another pose. Such places are
+        stripes across the road, one before each pose.
+        """
+        best = BestView.of(len(places))
+        for i in np.unique(guessed.pose[guessed.pose >= 0]).tolist():
+            self._look_on_own_ground(best, i, places, np.flatnonzero(guessed.pose == i))
+        lost = np.flatnonzero((guessed.pose >= 0) & (best.pose < 0))
+        for i in poses.tolist() if len(lost) else ():
+            self._look_on_own_ground(best, i, places, lost)
+        return best
+
+    def _look_on_own_ground(self, best: BestView, i: int, places: FloatArray, at: IntArray) -> None:
+        ground = self._own_ground(i, places[at], self._shape(i))
+        best.look(i, self._view(i, places[at], ground), at)
 
     def _view(self, i: int, places: FloatArray, ground: FloatArray) -> GroundView:
         xyz = np.column_stack([places, ground])
@@ -167,6 +204,13 @@ def _cell_middles(tile: MapTile) -> FloatArray:
     at = (np.arange(TILE_PX) + 0.5) * tile.cell_m
     east, north = np.meshgrid(tile.bounds.west + at, tile.bounds.north - at)
     return np.column_stack([east.ravel(), north.ravel()])
+
+
+def _sparse_cells(tile: MapTile) -> IntArray:
+    """Return the numbers (k,) of some of a tile's pixels, evenly spread over it and on its edges."""
+    step = int(np.clip(_SPARSE_M / tile.cell_m, 1, _MOST_SPARSE_PX))
+    one = np.unique(np.append(np.arange(0, TILE_PX, step), TILE_PX - 1))
+    return np.asarray((one[:, None] * TILE_PX + one).ravel())
 
 
 def _encoded(values: AnyArray) -> bytes:
