@@ -110,3 +110,15 @@ def test_an_unsure_kerb_comes_after_an_edge_of_the_same_confidence():
     )
     assert of_kerb - bare == pytest.approx(0.06 * 25.0, abs=0.05)
     assert of_edge - bare == pytest.approx(25.0, abs=0.8)
+
+
+def test_road_before_and_after_the_points_is_not_looked_over():
+    """A trajectory goes on for hundreds of metres beyond the points of a piece of a survey."""
+
+    def here(xy):
+        return (xy[:, 0] >= 100.0) & (xy[:, 0] <= 150.0)
+
+    (found,) = road_stretches(line(90, 170, 2.0, confidence=[0.3]), DrivenPath.of(PATH), here)
+    assert found.reason.startswith("51 m of road with 1 line")
+    assert (found.box.west, found.box.east) == pytest.approx((95.0, 155.0), abs=1.0)
+    assert found.at[0] == pytest.approx(125.0, abs=1.0)

@@ -249,6 +249,12 @@ def test_what_is_sure_is_one_item_after_all_others():
     assert suspects(lines, DrivenPath.of(path[:0]), everywhere)[-1] == item
 
 
+def test_the_least_confidence_is_not_rounded_up():
+    """A line that is 99.6 % sure is not "at least 100 % sure"."""
+    (item,) = sure_lines(beside(road(), 0, 50, 1.0, name="sure", confidence=[0.996]))
+    assert item.reason == "a line of 50 m, at least 99 % sure"
+
+
 def test_boundaries_are_not_accepted_with_all_that_is_sure():
     path = road()
     lines = together(

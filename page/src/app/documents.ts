@@ -61,7 +61,7 @@ export interface Survey {
   who: string;
   kinds: Kind[];
   choices: Record<"role" | "pattern" | "form" | "condition", string[]>;
-  kinds_with: Record<string, string[] | undefined>; // the kinds that an attribute is for
+  choices_of: Record<string, Record<string, string[] | undefined> | undefined>; // by attribute and kind: what a line of the kind can have
   images: SurveyImage[];
   tiles: { tile_px: number; origin: Place; resolutions: number[] };
   revision: number;

@@ -83,10 +83,7 @@ export class AttributesPane implements Pane {
     const kinds = new Set(lines.map(({ kind }) => kind.replace(/_stereo$/, "")));
     const summary = this.kinds.querySelector("summary");
     if (summary) summary.textContent = `Kind: ${kinds.size === 1 && line ? this.app.title(line.kind) : "several"} (1 to 9)`;
-    for (const row of this.choices.querySelectorAll<HTMLElement>(".choice[data-column]")) {
-      const fitting = this.app.survey.kinds_with[row.dataset.column ?? ""]; // without a list it is for all kinds
-      row.hidden = fitting !== undefined && ![...kinds].some((kind) => fitting.includes(kind));
-    }
+    this.showFitting(kinds);
     this.facts.replaceChildren(...(line ? factsOf(lines) : [hint()]));
     const buttons = this.commandRow.querySelectorAll("button");
     this.commands.forEach(({ can }, i) => buttons[i]?.toggleAttribute("disabled", !can()));
@@ -97,6 +94,16 @@ export class AttributesPane implements Pane {
     }
     this.note.disabled = lines.length === 0;
     if (document.activeElement !== this.note) this.note.value = lines.length === 1 ? (line?.note ?? "") : "";
+  }
+
+  // Only what lines of all these kinds can have; a row without any is hidden
+  private showFitting(kinds: Set<string>): void {
+    for (const row of this.choices.querySelectorAll<HTMLElement>(".choice[data-column]")) {
+      const of = this.app.survey.choices_of[row.dataset.column ?? ""];
+      const buttons = [...row.querySelectorAll<HTMLButtonElement>("button")];
+      for (const one of buttons) one.hidden = kinds.size === 0 || ![...kinds].every((kind) => of?.[kind]?.includes(one.dataset.value ?? "") ?? false);
+      row.hidden = buttons.every((one) => one.hidden);
+    }
   }
 }
 

@@ -15,6 +15,17 @@ import { Chart } from "./chart";
 import { decisionText, itemTitle } from "./item-titles";
 
 const MOST_IMAGES = 3;
+const IMAGE_PX = 720; // width of the canvas of an image
+// Of an image about the item's lines: least share of its width that is shown, and margin on each side as a share of theirs
+const LEAST_SHARE = 1 / 3;
+const MARGIN = 0.2;
+
+interface Part {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
 
 export class EvidencePane implements Pane {
   readonly element = element("div", { class: "evidence-pane", tabindex: 0 });
@@ -30,25 +41,44 @@ export class EvidencePane implements Pane {
     });
     app.on("lines", () => this.load());
     this.shown = new Visibility(this.element, () => this.load(), () => undefined);
+    this.clear();
+  }
+
+  private clear(): void {
+    delete this.element.dataset["key"];
     this.fill(element("p", { class: "empty" }, "Press N for the first item of the queue: what the points and images show of it appears here."));
   }
 
   private load(): void {
     const { item } = this;
     if (!this.shown.visible) return;
-    if (item === null) return;
+    if (item === null) return this.clear();
+    if (this.element.dataset["key"] !== item.key) this.announce(item);
     void this.loading.run(async () => {
+      if (this.item !== item) return;
       const line = item.type === "boundary" ? "" : (item.ids[0] ?? "");
       if (line !== "" && !this.app.lines.has(line)) return; // settled meanwhile
       try {
         const found = item.type === "stretch" ? null : await api.evidence(item.kind, item.at, line, item.type === "gap");
         if (this.item !== item) return;
         this.show(item, found);
-        await this.showImages(item);
+        // The next item does not wait for them
+        void this.showImages(item).catch((error: unknown) => this.app.reportProblem(error));
       } catch (error) {
         this.app.reportProblem(error);
       }
     });
+  }
+
+  // At once: the keys decide on this item, so nothing of the one before may be seen
+  private announce(item: QueueItem): void {
+    delete this.element.dataset["key"];
+    this.fill(
+      element("h3", {}, itemTitle(this.app, item)),
+      factList([["Why it is here", item.reason]]),
+      element("p", { class: "empty", role: "status" }, "Loading what the points and images show …"),
+      element("p", { class: "decide" }, decisionText(item)),
+    );
   }
 
   private show(item: QueueItem, found: Evidence | null): void {
@@ -56,14 +86,15 @@ export class EvidencePane implements Pane {
     const title = itemTitle(this.app, item);
     const line = this.app.lines.get(item.ids[0] ?? "");
     const bridged = line && line.bridged_m > 0 ? [["Bridged", `${line.bridged_m.toFixed(1)} of ${line.length_m.toFixed(1)} m: nothing was measured there`]] : [];
-    const list = element("dl", { class: "evidence-facts" }, ...[["Why it is here", item.reason], ...facts, ...bridged].map(([name, value]) =>
-      element("div", {}, element("dt", {}, name!), element("dd", {}, value!))));
+    // A key decides on all of them
+    const others = ["rest", "sure"].includes(item.type) && item.ids.length > 1 ? [["Shown here", `the first of ${item.ids.length} lines`]] : [];
+    const isOfImages = across === null && this.app.survey.n_points === 0;
     this.fill(
       element("h3", {}, title),
-      list,
-      ...(across ? [acrossChart(across)] : found === null ? [] : [element("p", { class: "empty" }, "This survey has no points here.")]),
+      factList([["Why it is here", item.reason], ...others, ...facts, ...bridged]),
+      ...(across ? [acrossChart(across)] : found === null || isOfImages ? [] : [element("p", { class: "empty" }, "This survey has no points here.")]),
       ...(along && along.values.length > 1 ? [alongChart(along)] : []),
-      element("div", { class: "evidence-images" }),
+      element("div", { class: isOfImages ? "evidence-images large" : "evidence-images" }),
       element("p", { class: "decide" }, decisionText(item)),
     );
     this.element.dataset["key"] = item.key;
@@ -89,24 +120,48 @@ export class EvidencePane implements Pane {
 
   private async image(pair: Pair, item: QueueItem): Promise<HTMLElement> {
     const [[left], { left: lines, width, height }] = await Promise.all([this.drive.images(pair.number), api.pairLines(pair.number)]);
-    const canvas = element("canvas", { width: 480, height: Math.round((480 * height) / width) });
+    const own = lines.filter(({ id }) => item.ids.includes(id));
+    const part = partAbout(own, width, height);
+    const scale = IMAGE_PX / part.width;
+    const canvas = element("canvas", { width: IMAGE_PX, height: Math.round(part.height * scale) });
     const context = canvas.getContext("2d")!;
-    context.drawImage(left, 0, 0, canvas.width, canvas.height);
-    for (const line of lines) if (item.ids.includes(line.id)) drawLine(context, line, canvas.width / width, brightened(this.app.colour(line.kind)));
+    context.drawImage(left, part.x, part.y, part.width, part.height, 0, 0, canvas.width, canvas.height);
+    for (const line of own) drawLine(context, line, part, scale, brightened(this.app.colour(line.kind)));
     const title = `Show pair ${pair.number}, ${pair.chainage_m.toFixed(1)} m along the drive`;
     canvas.setAttribute("role", "img");
+    canvas.dataset["part"] = [part.x, part.y, part.width, part.height].map(Math.round).join(" ");
     canvas.setAttribute("aria-label", `${itemTitle(this.app, item)} in pair ${pair.number}`);
     return element("button", { type: "button", title, "aria-label": title, click: () => this.app.emit("pair", pair.number) }, canvas);
   }
 }
 
-function drawLine(context: CanvasRenderingContext2D, line: PairLine, scale: number, colour: string): void {
+function factList(facts: string[][]): HTMLElement {
+  return element("dl", { class: "evidence-facts" }, ...facts.map(([name, value]) =>
+    element("div", {}, element("dt", {}, name!), element("dd", {}, value!))));
+}
+
+// The part of an image that shows lines, in the image's proportions; all of it where none is in it
+function partAbout(lines: PairLine[], width: number, height: number): Part {
+  const places = lines.flatMap(({ runs }) => runs.flat());
+  if (places.length === 0) return { x: 0, y: 0, width, height };
+  const [xs, ys] = [places.map(([x]) => x), places.map(([, y]) => y)];
+  const [west, east, top, foot] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  const share = Math.min(1, Math.max(LEAST_SHARE, (1 + 2 * MARGIN) * Math.max((east - west) / width, (foot - top) / height)));
+  const within = (middle: number, size: number): number => Math.min(Math.max(middle - (share * size) / 2, 0), (1 - share) * size);
+  return { x: within((west + east) / 2, width), y: within((top + foot) / 2, height), width: share * width, height: share * height };
+}
+
+function drawLine(context: CanvasRenderingContext2D, line: PairLine, part: Part, scale: number, colour: string): void {
   line.runs.forEach((run, i) => {
     context.setLineDash(line.bridged[i] ? [6, 5] : []);
     context.strokeStyle = colour;
     context.lineWidth = 2;
     context.beginPath();
-    run.forEach(([x, y], k) => (k === 0 ? context.moveTo(x * scale, y * scale) : context.lineTo(x * scale, y * scale)));
+    run.forEach(([x, y], k) => {
+      const at: [number, number] = [(x - part.x) * scale, (y - part.y) * scale];
+      if (k === 0) context.moveTo(...at);
+      else context.lineTo(...at);
+    });
     context.stroke();
   });
 }

@@ -109,6 +109,8 @@ export class ExportPane implements Pane {
         format, kinds, ids, coded, lanes, location: lanes && format === "osm" ? this.location.value : "",
       });
       download(name, blob);
+      // In a low window the list is below the fold
+      this.app.emit("message", { text: `Exported: ${name}${warnings.length ? `; ${warnings.length} to read below the button` : ""}`, kind: "info" });
       this.words.append(...[`Exported: ${name}`, ...warnings].map((text) => element("li", {}, text)));
     } catch (error) {
       this.app.reportProblem(error);

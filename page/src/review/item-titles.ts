@@ -13,12 +13,12 @@ export function itemTitle(app: App, item: QueueItem): string {
   return ["sure", "rest", "stretch", "dashes"].includes(item.type) ? TITLES[item.type] : `${TITLES[item.type]}: ${app.title(item.kind)}`;
 }
 
-export function decisionText({ type, kind, proposal }: QueueItem): string {
+export function decisionText({ type, kind, ids, proposal }: QueueItem): string {
   const take = proposal ? [`Y: ${actionTitle(proposal.action)}`] : [];
   const own: Record<QueueItem["type"], string[]> = {
     line: ["A: accept it", "X: reject it", ...(kind === "road_marking_other" ? ["1: make it a lane marking"] : [])],
     copy: ["A: accept it", "X: reject the copy"],
-    gap: ["J: join both lines", "Shift F: follow on from here"],
+    gap: [...(ids.length === 2 ? ["J: join both lines"] : []), "Shift F: follow on from here"],
     boundary: ["Shift F: follow it here"],
     dashes: ["A: accept the line as it is", "Shift D: add dashes by the paint"],
     stretch: ["Click a line that is wrong, then X: reject it", "Shift F, then click: follow one that is missing"],

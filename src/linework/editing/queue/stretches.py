@@ -47,7 +47,7 @@ def road_stretches(
     listed
         Ids of lines that have an item of their own.
     """
-    stretch_of_step, n = _stretches(way)
+    stretch_of_step, n = _stretches(way, visible)
     if n == 0:
         return []
     wrong_m, n_lines = _in_stretches(lines, way, stretch_of_step, listed)
@@ -60,7 +60,7 @@ def road_stretches(
         middle = places[len(places) // 2]
         left_m = np.repeat([LOOKED_OVER_M, -LOOKED_OVER_M], len(steps))
         corners = way.places(np.tile(steps.astype(np.float64), 2), left_m)
-        what = f"{n_lines[k]} {'line' if n_lines[k] == 1 else 'lines'} that nobody has checked"
+        what = f"{n_lines[k] or 'no'} {'line' if n_lines[k] == 1 else 'lines'} that nobody has checked"
         found.append(
             Suspect(
                 type="stretch",
@@ -76,12 +76,21 @@ def road_stretches(
     return found
 
 
-def _stretches(way: DrivenPath) -> tuple[IntArray, int]:
-    """Return the number of the stretch of each step of the path (k,), and how many there are."""
+def _stretches(way: DrivenPath, visible: WasMeasured) -> tuple[IntArray, int]:
+    """Return the number of the stretch of each step of the path (k,), -1 where none is, and how many there are.
+
+    A piece of the path counts from the first to the last step at which ground was measured: a trajectory may go on for
+    hundreds of metres beyond the points.
+    """
     number, n = np.full(len(way), -1, dtype=np.int64), 0
     if len(way) == 0:
         return number, 0
+    measured = np.flatnonzero(visible(way.xy))
     for first, last in way.pieces:
+        here = measured[(measured >= first) & (measured <= last)]
+        if len(here) == 0:
+            continue
+        first, last = int(here[0]), int(here[-1])  # noqa: PLW2901
         n_steps = last - first + 1
         n_parts = max(round(n_steps * PATH_STEP_M / VIEW_M), 1)
         number[first : last + 1] = n + np.arange(n_steps) * n_parts // n_steps
@@ -104,7 +113,7 @@ def _in_stretches(
         places = line_stations(lines[i].xyz, _STATION_M)
         step = way.offsets(places, LOOKED_OVER_M)[0]
         here = stretch_of_step[np.clip(np.rint(step[np.isfinite(step)]).astype(np.int64), 0, len(way) - 1)]
-        count = np.bincount(here, minlength=n)
+        count = np.bincount(here[here >= 0], minlength=n)
         n_lines += (count > 0) & ~goes_along[i]
         if str(lines.id[i]) not in listed:
             share = wrong_share(str(lines.kind[i]), str(lines.form[i]))

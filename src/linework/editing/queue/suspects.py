@@ -229,7 +229,7 @@ def _all_in_one(type_: str, lines: LineSet, proposal: str) -> list[Suspect]:
             box=view_box(lines.xyz),
             length_m=float(expected_wrong_m(lines).sum()) if type_ == "rest" else 0.0,
             confidence=least,
-            reason=f"{names} of {lines.length_m.sum():,.0f} m, at least {100.0 * least:.0f} % sure",
+            reason=f"{names} of {lines.length_m.sum():,.0f} m, at least {np.floor(100.0 * least + 1e-9):.0f} % sure",
             proposal=proposal,
         )
     ]

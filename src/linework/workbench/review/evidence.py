@@ -93,7 +93,8 @@ def _painted(
     if fit is not None:
         facts = [
             ["Stripe", f"{100 * fit.width_m:.0f} cm wide, {_side(fit.at_m)}"],
-            ["Contrast", f"{fit.size:.2f} x asphalt"],
+            # Not their ratio: beside paint there is next to nothing where a survey leaves dark intensities out
+            ["Contrast", f"{fit.fitted.max():.2f} on it, {fit.fitted.min():.2f} beside it (asphalt: 1)"],
             ["The stripe explains", f"{100 * fit.explained:.0f} % of the differences across"],
             ["Residual", f"{fit.residual:.2f} x asphalt"],
         ]

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse
 
-from linework.editing.edits.attributes import CHOICES, KINDS_WITH
+from linework.editing.edits.attributes import CHOICES, choices_for
 from linework.files.line_file.file import LineFile
 from linework.files.vectors.fields import colour_of
 from linework.model.lines import KINDS
@@ -120,7 +120,9 @@ def survey_document(app_state: AppState, *, busy: str) -> dict[str, Any]:
         "who": app_state.who,
         "kinds": [_kind(kind) for kind in KINDS],
         "choices": {column: list(words) for column, words in CHOICES.items()},
-        "kinds_with": {column: list(kinds) for column, kinds in KINDS_WITH.items()},
+        "choices_of": {
+            column: {kind: list(choices_for(column, kind)) for kind in KINDS} for column in CHOICES
+        },
         "images": _images(facts),
         "tiles": Lattice.of(facts.bounds).document(),
         "revision": line_file.revision,
