@@ -16,7 +16,7 @@ SAME_PLACE_M = 4.0
 
 @dataclass(frozen=True)
 class Decision:
-    """What is done about an item: `keys` are pressed, one by one; each but the last opens what the last one settles."""
+    """What is done about an item: the key that is pressed, and why."""
 
     type: str
     kind: str
@@ -78,7 +78,10 @@ STEREO_RAMP = (
 
 
 def decided(decisions, item):
-    """The decision on an item, of several the nearest; None where none was made."""
+    """The decision on an item, of several the nearest; None where none was made.
+
+    Each was made about one item: give those that are not used yet.
+    """
     fitting = [one for one in decisions if one.is_for(item)]
     return min(
         fitting, key=lambda one: np.hypot(item["at"][0] - one.at[0], item["at"][1] - one.at[1]), default=None

@@ -93,20 +93,8 @@ class Desk:
 
     # The queue
 
-    @property
-    def left(self):
-        return int(self.page.get_attribute(".queue-pane", "data-left") or -1)
-
-    @property
-    def current(self):
-        return self.page.get_attribute(".queue-pane", "data-current") or ""
-
     def items(self):
         return self.served.get("/api/queue")
-
-    def item(self):
-        """The item that is looked at; None where nothing is left."""
-        return next((item for item in self.items() if item["key"] == self.current), None)
 
     def changed(self, *keys):
         """Press keys that save an edit, and wait for it."""

@@ -26,8 +26,6 @@ from benchmarks.same_lines import timed_path
 
 #: Works with data that is not ours, in a browser: run where it is asked for.
 ON_REQUEST = True
-#: More than any queue has.
-MOST_ITEMS = 80
 
 
 @dataclass(frozen=True)
@@ -54,10 +52,12 @@ def main(arguments=()):
     )
     parser.add_argument("--surveys", default="here-a22,stereo-ramp")
     options = parser.parse_args(list(arguments))
-    data = checked_data(options.data)
-    for survey in SURVEYS:
-        if survey.name in options.surveys.split(","):
-            session(survey, data, options.out / survey.name)
+    data, known = checked_data(options.data), {survey.name: survey for survey in SURVEYS}
+    wanted = options.surveys.split(",")
+    if unknown := set(wanted) - set(known):
+        raise SystemExit(f"no session for {', '.join(sorted(unknown))}: choose from {', '.join(known)}")
+    for name in wanted:
+        session(known[name], data, options.out / name)
 
 
 def session(survey, data, out):
@@ -79,52 +79,51 @@ def session(survey, data, out):
     shutil.copy(lines, out / "before.gpkg")
     reference = read_reference(FOLDER / f"{survey.name}.toml", data)
     serve_process.START_S = 3600.0
-    began = time.perf_counter()
-    with (
-        serve_process.served_survey(*given, "--work", out / "work", lines=lines) as served,
-        serve_process.opened_browser() as browser,
-    ):
-        desk = Desk(browser, served, out)
-        with desk.open():
-            with desk.step("The survey as it opens"):
-                pass
-            undecided = work_queue(desk, survey.decisions)
-            survey.after(desk)
-            exported(desk, out)
-        with desk.open(**LARGE), desk.step("The lines as they are now, in a large dark window"):
-            desk.plan.look_at_all()
-        worked_s = time.perf_counter() - began
-    before, after = read_lines(out / "before.gpkg"), read_lines(lines)
-    tables = [lengths_table(before, after), scores_table(before, after, reference)]
+    desk, undecided, tables, told = Desk(None, None, out), [], [], "it broke off"
+    try:
+        began = time.perf_counter()
+        with (
+            serve_process.served_survey(*given, "--work", out / "work", lines=lines) as served,
+            serve_process.opened_browser() as browser,
+        ):
+            desk.served, desk.browser = served, browser
+            with desk.open():
+                with desk.step("The survey as it opens"):
+                    pass
+                undecided = work_queue(desk, survey.decisions)
+                survey.after(desk)
+                exported(desk, out)
+            with desk.open(**LARGE), desk.step("The lines as they are now, in a large dark window"):
+                desk.plan.look_at_all()
+            worked_s = time.perf_counter() - began
+        before, after = read_lines(out / "before.gpkg"), read_lines(lines)
+        tables = [lengths_table(before, after), scores_table(before, after, reference)]
+        told = f"{desk.actions} keys and clicks that change or settle something, {worked_s:.0f} s of the program's time with all pictures"
+    finally:
+        left = [*survey.by_hand, *(f"to be decided: {one}" for one in undecided)]
+        (out / "record.html").write_text(
+            record_of(f"{survey.name}: {told}", tables, desk.steps, left), encoding="utf-8"
+        )
     for title, head, rows in tables:
         print(title)
         for row in (head, *rows):
             print("  " + "  ".join(f"{cell:>18}" for cell in row))
-    told = f"{desk.actions} keys and clicks that change or settle something, {worked_s:.0f} s of the program's time with all pictures"
     print(f"{told}; {len(undecided)} items without a decision")
-    left = [*survey.by_hand, *(f"to be decided: {one}" for one in undecided)]
-    (out / "record.html").write_text(
-        record_of(f"{survey.name}: {told}", tables, desk.steps, left), encoding="utf-8"
-    )
 
 
 def work_queue(desk, decisions):
     """Work through the queue, the stretches of road last; return what was left without a decision, in words."""
-    left = {}
-    for _ in range(MOST_ITEMS):
-        items = [item for item in desk.items() if item["key"] not in left]
-        items.sort(key=lambda item: item["type"] == "stretch")
-        if not items:
-            break
-        item = items[0]
+    left, unused = {}, list(decisions)
+    while items := [item for item in desk.items() if item["key"] not in left]:
+        item = min(items, key=lambda item: item["type"] == "stretch")
         with desk.step(f"Look at: {item['type']} {item['kind']}", item["reason"]):
             desk.page.locator(f".queue [data-key='{item['key']}']").click()
-        decision = decided(decisions, item)
+        decision = decided(unused, item)
         if decision is None:
-            left[item["key"]] = (
-                f"{item['type']} {item['kind']} at {item['at'][0]:.1f}, {item['at'][1]:.1f}: {item['reason']}"
-            )
+            at = f"{item['at'][0]:.1f}, {item['at'][1]:.1f}"
+            left[item["key"]] = f"{item['type']} {item['kind']} at {at}: {item['reason']}"
             continue
+        unused.remove(decision)
         with desk.step(f"Key {decision.key.upper()}", decision.why, actions=1):
             desk.changed(decision.key)
     return list(left.values())

@@ -149,3 +149,15 @@ def test_boxes_beside_stripes_are_the_same_to_the_last_bit_in_every_tile(west, s
     core = Bounds(WEST + west, SOUTH + south, WEST + west + width, SOUTH + south + height)
     part = boxes_with_stripes(*tile_over(core, STREET, STREET_SURFACE, BOX_REACH_M))
     assert same_bytes(inside(part, core), inside(WITH_STRIPES, core))
+
+
+@settings(max_examples=examples(5), deadline=None)
+@given(st.floats(2.0, 22.0))
+def test_parts_of_a_core_have_the_boxes_of_the_whole(cut):
+    tile = TileData("whole", STREET.bounds, STREET, origin=ORIGIN)
+    b = STREET.bounds
+    parts = [Bounds(b.west, b.south, WEST + cut, b.north), Bounds(WEST + cut, b.south, b.east, b.north)]
+    stripes = find_marking_boxes(tile, STREET_SURFACE, MarkingConfig())
+    found = find_boundary_boxes(tile, STREET_SURFACE, BoundaryConfig(), parts, stripes)
+    for part in parts:
+        assert same_bytes(inside(found, part), inside(WITH_STRIPES, part))

@@ -57,7 +57,7 @@ export class EvidencePane implements Pane {
     void this.loading.run(async () => {
       if (this.item !== item) return;
       const line = item.type === "boundary" ? "" : (item.ids[0] ?? "");
-      if (line !== "" && !this.app.lines.has(line)) return; // settled meanwhile
+      if (line !== "" && !this.app.lines.has(line)) return this.say("This line is no longer there.");
       try {
         const found = item.type === "stretch" ? null : await api.evidence(item.kind, item.at, line, item.type === "gap");
         if (this.item !== item) return;
@@ -65,9 +65,15 @@ export class EvidencePane implements Pane {
         // The next item does not wait for them
         void this.showImages(item).catch((error: unknown) => this.app.reportProblem(error));
       } catch (error) {
+        if (this.item === item) this.say("What the points and images show could not be loaded.");
         this.app.reportProblem(error);
       }
     });
+  }
+
+  private say(text: string): void {
+    const status = this.element.querySelector("[role=status]");
+    if (status) status.textContent = text;
   }
 
   // At once: the keys decide on this item, so nothing of the one before may be seen
@@ -87,7 +93,7 @@ export class EvidencePane implements Pane {
     const line = this.app.lines.get(item.ids[0] ?? "");
     const bridged = line && line.bridged_m > 0 ? [["Bridged", `${line.bridged_m.toFixed(1)} of ${line.length_m.toFixed(1)} m: nothing was measured there`]] : [];
     // A key decides on all of them
-    const others = ["rest", "sure"].includes(item.type) && item.ids.length > 1 ? [["Shown here", `the first of ${item.ids.length} lines`]] : [];
+    const others = isOfMany(item) ? [["Shown here", `the first of ${item.ids.length} lines`]] : [];
     const isOfImages = across === null && this.app.survey.n_points === 0;
     this.fill(
       element("h3", {}, title),
@@ -109,18 +115,24 @@ export class EvidencePane implements Pane {
     const row = this.element.querySelector(".evidence-images");
     if (this.app.survey.n_pairs === 0 || row === null) return;
     if (this.drive.pairs.length === 0) await this.drive.load();
+    if (this.item !== item) return;
     const best = this.drive.seeing(item.at);
     if (!best) return;
     const at = this.drive.pairs.indexOf(best);
     const pairs = this.drive.pairs.slice(Math.max(0, at - 1), at - 1 + MOST_IMAGES);
-    const images = await Promise.all(pairs.map((pair) => this.image(pair, item)));
-    if (this.item !== item) return;
+    // One after the other: a browser makes six requests at a time, and the next item needs some
+    const images: HTMLElement[] = [];
+    for (const pair of pairs) {
+      images.push(await this.image(pair, item));
+      if (this.item !== item) return;
+    }
     row.replaceChildren(...images);
   }
 
   private async image(pair: Pair, item: QueueItem): Promise<HTMLElement> {
     const [[left], { left: lines, width, height }] = await Promise.all([this.drive.images(pair.number), api.pairLines(pair.number)]);
-    const own = lines.filter(({ id }) => item.ids.includes(id));
+    const shown = isOfMany(item) ? item.ids.slice(0, 1) : item.ids;
+    const own = lines.filter(({ id }) => shown.includes(id));
     const part = partAbout(own, width, height);
     const scale = IMAGE_PX / part.width;
     const canvas = element("canvas", { width: IMAGE_PX, height: Math.round(part.height * scale) });
@@ -133,6 +145,10 @@ export class EvidencePane implements Pane {
     canvas.setAttribute("aria-label", `${itemTitle(this.app, item)} in pair ${pair.number}`);
     return element("button", { type: "button", title, "aria-label": title, click: () => this.app.emit("pair", pair.number) }, canvas);
   }
+}
+
+function isOfMany({ type, ids }: QueueItem): boolean {
+  return ["rest", "sure"].includes(type) && ids.length > 1;
 }
 
 function factList(facts: string[][]): HTMLElement {

@@ -10,6 +10,8 @@ import pytest
 import linework
 from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.obb.method import Obb
+from linework.methods.protocol import tile_of, whole_tile
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
 from linework.model.tile import TileData
@@ -65,12 +67,15 @@ def test_a_bend_at_an_edge_of_a_stripe_is_a_channel(first, last):
     assert np.sqrt(np.mean(off**2)) < 0.04
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["north", "south"])
 @pytest.mark.parametrize(("first", "last"), [(-0.15, 0.0), (0.0, 0.15)], ids=["kerb stone", "gutter"])
-def test_a_low_step_at_an_edge_of_a_stripe_is_a_kerb(first, last):
+def test_a_low_step_at_an_edge_of_a_stripe_is_a_kerb(first, last, side):
     step_m = 0.018
-    # In noise in which no kerb shows in one cell
+    # In noise in which no kerb shows in one cell; the carriageway lies in the north, or in the south
     _, boxes = boxes_beside(
-        lambda v: flush(v, step_m), stones(first, last), noise_m=lambda v: np.full(len(v), 0.010)
+        lambda v: flush(side * v, step_m),
+        lambda v: stones(first, last)(side * v),
+        noise_m=lambda v: np.full(len(v), 0.010),
     )
     kerb = of_form(boxes, BoxForm.KERB)
     near = kerb.take(np.abs((kerb.centre + ORIGIN - CORNER)[:, 1]) < 0.1)
@@ -78,7 +83,7 @@ def test_a_low_step_at_an_edge_of_a_stripe_is_a_kerb(first, last):
     assert len(off) >= 20 and np.sqrt(np.mean(off**2)) < 0.03
     assert np.median(near.height_m) == pytest.approx(step_m, abs=0.004)
     # The carriageway is on the left
-    assert (near.u[:, 0] > 0.95).all()
+    assert (side * near.u[:, 0] > 0.95).all()
 
 
 def test_a_steep_street_has_them_too():
@@ -179,3 +184,19 @@ def test_lines_of_a_street_with_bright_stones(step_m, first, last):
         for kind in ("lane_marking", "road_boundary")
     }
     assert middle == {"lane_marking": [-2.7, 2.7], "road_boundary": [-3.5, 3.5]}
+
+
+def test_boundaries_asked_for_alone_are_sought_along_stripes_too():
+    rng = np.random.default_rng(6)
+    n = int(LENGTH_M * 7.0 * 350)
+    u, v = rng.uniform(0.0, LENGTH_M, n), rng.uniform(-2.5, 4.5, n)
+    xyz = CORNER + np.column_stack([u, v, flush(v, 0.018) + 0.010 * rng.normal(size=n)])
+    intensity = 1000.0 * stones(-0.15, 0.0)(v) * np.exp(rng.normal(0.0, 0.1, n))
+    tile = whole_tile(tile_of(Points(xyz, intensity=intensity)))
+    alone, both = (
+        Obb(kinds=kinds).find_boxes(tile) for kinds in (("road_boundary",), ("lane_marking", "road_boundary"))
+    )
+    found = [of_form(boxes, BoxForm.KERB) for boxes in (alone, both)]
+    assert len(found[0]) == len(found[1]) >= 20
+    np.testing.assert_array_equal(found[0].centre, found[1].centre)
+    assert len(of_form(alone, BoxForm.STRIPE)) == 0

@@ -275,6 +275,8 @@ def boxes_in_cells(
             if why == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
+            # What was tried and left out may have one
+            out[n, BOX_CONTRAST] = np.nan
             if channel_box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
                 n += 1
@@ -321,11 +323,12 @@ def write_box_times(
         int(np.floor(box[BOX_X] / FINE_M)) - span[SPAN_WEST],
         int(np.floor(box[BOX_Y] / FINE_M)) - span[SPAN_SOUTH],
     )
+    n_cols = span[SPAN_COLS]
     first, last = np.inf, -np.inf
     for i in range(max(r - 1, 0), min(r + 2, span[SPAN_ROWS])):
         for k in range(
-            starts[i * span[SPAN_COLS] + max(c - 1, 0)],
-            starts[i * span[SPAN_COLS] + min(c + 2, span[SPAN_COLS])],
+            starts[i * n_cols + min(max(c - 1, 0), n_cols)],
+            starts[i * n_cols + max(min(c + 2, n_cols), 0)],
         ):
             first, last = min(first, time[source[k]]), max(last, time[source[k]])
     if first <= last:

@@ -27,6 +27,7 @@ from linework.kernels.boundaries.ground_changes import (
     LEAST_GAIN,
     hinge_left,
 )
+from linework.kernels.boundaries.kerbs.boxes import box_cell_at
 from linework.kernels.boundaries.profiles import (
     BIN_N,
     LEAST_FLOOR_NOISE_M,
@@ -40,6 +41,7 @@ from linework.kernels.boundaries.profiles import (
     bin_sums_across,
     line_through,
 )
+from linework.kernels.cells.floor import FACET_N, FACET_RMS
 from linework.kernels.cells.places import (
     BOX_CELL_M,
     BOX_HALF_U,
@@ -62,8 +64,8 @@ from linework.kernels.cells.places import (
 
 #: Columns of a stripe: centre [m, local], unit vector along it, and from where to where off its middle an edge of it lies [m].
 STONE_X, STONE_Y, STONE_Z, STONE_UX, STONE_UY, STONE_FROM, STONE_TO = range(7)
-#: Width of a bin of the profile across a stripe, and how far from an edge of the stripe its bend or step lies at most: a bin
-#: and a half. [m]
+#: Width of a bin of the profile across a stripe, and how far from an edge of the stripe its bend or step lies at most: a
+#: bin, and the error of the edge. [m]
 STONE_BIN_M, AT_EDGE_M = 0.025, 0.03
 #: Half of the extent of that profile [m]: that of a channel's flank, and where a wall stands nearer, less than the narrowest
 #: footway.
@@ -77,6 +79,9 @@ STEP_SLOPES = 0.5 * CHANNEL_SLOPES[0]
 #: Height of a kerb over the noise of the ground beside it, at least, as for the kerb of a cell; and height of a dropped kerb
 #: (DIN 18040-3): what is higher shows in a cell, where its foot is measured apart from its face [m].
 STEP_OVER_NOISE, HIGHEST_STONE_M = 1.5, 0.03
+#: How far on either side of a stripe's middle facets, 1 m wide, are beside the stones [m]; and the greatest ratio of their
+#: noise, wider than that of points as either may hold a part of the stones.
+SIDE_OF_STONES_M, FACETS_ALIKE = 0.75, 1.5 * ALIKE_NOISE
 #: Models of the ground under a stripe: two slopes that meet, and two with a step between them.
 HINGED, STEPPED = 0, 1
 
@@ -143,6 +148,22 @@ def stone_at_edge(
 
 
 @njit(cache=True, nogil=True)
+def alike_beside(data: FloorCells, place: tuple[float, float], frame: tuple[float, float]) -> bool:
+    """Return whether the facets on both sides of a place may be of two pavements, before their points are used.
+
+    frame: unit vector across. Where one is missing, it may.
+    """
+    noise = np.zeros(2)
+    for side in range(2):
+        off = SIDE_OF_STONES_M if side == 1 else -SIDE_OF_STONES_M
+        facet = data.facets[box_cell_at(data.span, place[0] + off * frame[0], place[1] + off * frame[1])]
+        if facet[FACET_N] == 0.0:
+            return True
+        noise[side] = np.hypot(facet[FACET_RMS], LEAST_FLOOR_NOISE_M)
+    return bool(max(noise[0], noise[1]) <= FACETS_ALIKE * min(noise[0], noise[1]))
+
+
+@njit(cache=True, nogil=True)
 def box_of_stone(
     data: FloorCells,
     stripe: FloatArray,
@@ -167,6 +188,8 @@ def box_of_stone(
     work, sums = scratch.work, scratch.sums
     x, y, ux, uy = stripe[STONE_X], stripe[STONE_Y], stripe[STONE_UX], stripe[STONE_UY]
     vx, vy = -uy, ux
+    if not alike_beside(data, (x, y), (vx, vy)):
+        return False
     east, north = slope
     road = np.array(
         (stripe[STONE_Z], east, north) if np.isfinite(east + north) else (stripe[STONE_Z], 0.0, 0.0)

@@ -35,7 +35,7 @@ BOUNDARY_BAND_M = (-0.30, 0.60)
 NEAR_CELLS = 2
 #: Half of the extent of a boundary box across. [m]
 HALF_WIDTH_M = 0.25
-#: Widths of gutters of bright or dark stones. [m]
+#: Widths of gutters of stones brighter than the road. [m]
 GUTTERS_M = (0.10, 0.60)
 #: The middle of a stripe, or the front of a gutter, is this near to the boundary at its edge. [m]
 STONES_REACH_M = max(GUTTERS_M) + AT_EDGE_M
@@ -162,7 +162,7 @@ def find_boundary_boxes(
         )
         # In every cell: the line where floor and face of a kerb meet, or the edge from smooth to rough
         found = kernels.boxes_in_cells(base.data, base.ground, base.times, kernel_settings(config), local)
-        # Along bright stripes and changes of brightness: the bend or the low step at the edge of stones
+        # Along bright stripes, and behind edges: the bend or the low step at the edge of stones
         near = stripes.take(holds(around, stripes.centre + origin))
         seeds = np.concatenate([_edges_of_stripes(near), _behind_edges(found)])
         stones = kernels.boxes_at_stripes(base.data, base.ground, base.times, kernel_settings(config), seeds)
@@ -181,7 +181,7 @@ def _edges_of_stripes(stripes: BoxSet) -> FloatArray:
 
 
 def _behind_edges(rows: FloatArray) -> FloatArray:
-    """Return where the ground may bend or step at the back of a gutter, by changes of brightness at its front, (m, 7)."""
+    """Return where the ground may bend or step at the back of a gutter, by the edge or change at its front, (m, 7)."""
     changes = rows[(rows[:, places.FORM] == places.EDGE) | (rows[:, places.FORM] == places.CHANGE)]
     middle = 0.5 * sum(GUTTERS_M)
     ux, uy = changes[:, places.BOX_UX], changes[:, places.BOX_UY]

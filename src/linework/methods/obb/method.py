@@ -138,9 +138,9 @@ class Obb:
             yield "probability of paint", probability
         # What lasers see differently is not paint
         tile = replace(tile, points=tile.gains.without(tile.points))
-        stripes = BoxSet.empty()
+        # Boundaries are sought along stripes, too, whether or not these are asked for
+        stripes = find_marking_boxes(tile, surface, self.config.marking, cores, probability)
         if self.seeks_paint:
-            stripes = find_marking_boxes(tile, surface, self.config.marking, cores, probability)
             yield "marking boxes", stripes
         if self._seeks_boundaries:
             yield "boundary boxes", find_boundary_boxes(tile, surface, self.config.boundary, cores, stripes)
