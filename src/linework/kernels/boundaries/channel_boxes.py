@@ -216,6 +216,7 @@ def ground_across(
     frame: tuple[float, float],
     plane: FloatArray,
     extent: float,
+    most: int,
     work: FloatArray,
 ) -> tuple[int, FloatArray, float]:
     """Write the points of the ground about a place, above the plane through them; return their number, it, and its noise [m].
@@ -230,11 +231,13 @@ def ground_across(
         (3,): near the ground there.
     extent
         How far across the plane is fitted. [m]
+    most
+        Largest number of points; of more points, only every second, third ... is used.
     work
         (n, 4) output: see `linework.kernels.boundaries.profiles.gather_at`.
     """
     vx, vy = frame
-    n = gather_ground(data, place, CHANNEL_AREA_M, plane, MOST_CHANNEL_POINTS, work)
+    n = gather_ground(data, place, CHANNEL_AREA_M, plane, most, work)
     window = (-extent, extent, CHANNEL_HALF_M)
     a, b, c, noise, count = fit_side(work, n, frame, window, (0.0, NEAR_SLOPE_M), (LEAST_VV, LEAST_VV))
     if count == 0.0:
@@ -271,7 +274,9 @@ def channel_in_cell(
     vx, vy = rise_around(data, place, most_noise)
     if vx == 0.0 and vy == 0.0:
         return BOX_ALL_ROAD
-    near, plane, _ = ground_across(data, place, (vx, vy), floor.plane, CHANNEL_FLANK_M, work)
+    near, plane, _ = ground_across(
+        data, place, (vx, vy), floor.plane, CHANNEL_FLANK_M, MOST_CHANNEL_POINTS, work
+    )
     if near < 2.0 * CHANGE_SIDE_POINTS:
         return BOX_HOLE
     half = int(CHANNEL_SOUGHT_M / CHANNEL_BIN_M) + 1

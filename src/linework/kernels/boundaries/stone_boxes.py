@@ -70,6 +70,8 @@ STONE_BIN_M, AT_EDGE_M = 0.025, 0.03
 #: Half of the extent of that profile [m]: that of a channel's flank, and where a wall stands nearer, less than the narrowest
 #: footway.
 STONE_HALVES_M = (CHANNEL_FLANK_M, 0.55)
+#: The most points that are used: of the profile's area, nearly as many as it has independent heights.
+MOST_STONE_POINTS = 2500
 #: Shortest slope on either side [bins]: 0.15 m.
 LEAST_STONE_BINS = 6
 #: Fewest points of a bin on the average: of fewer, far apart as from the air, none lie at the edge itself.
@@ -79,9 +81,11 @@ STEP_SLOPES = 0.5 * CHANNEL_SLOPES[0]
 #: Height of a kerb over the noise of the ground beside it, at least, as for the kerb of a cell; and height of a dropped kerb
 #: (DIN 18040-3): what is higher shows in a cell, where its foot is measured apart from its face [m].
 STEP_OVER_NOISE, HIGHEST_STONE_M = 1.5, 0.03
-#: How far on either side of a stripe's middle facets, 1 m wide, are beside the stones [m]; and the greatest ratio of their
+#: How far on either side of a stripe's middle facets, 1 m wide, are mostly beside the stones [m]; and the greatest ratio of their
 #: noise, wider than that of points as either may hold a part of the stones.
-SIDE_OF_STONES_M, FACETS_ALIKE = 0.75, 1.5 * ALIKE_NOISE
+SIDE_OF_STONES_M, FACETS_ALIKE = 0.5, 1.5 * ALIKE_NOISE
+#: Noise of a facet above which it says nothing: points of a wall or of tall plants are in it. [m]
+MOST_FACET_M = 0.05
 #: Models of the ground under a stripe: two slopes that meet, and two with a step between them.
 HINGED, STEPPED = 0, 1
 
@@ -151,13 +155,13 @@ def stone_at_edge(
 def alike_beside(data: FloorCells, place: tuple[float, float], frame: tuple[float, float]) -> bool:
     """Return whether the facets on both sides of a place may be of two pavements, before their points are used.
 
-    frame: unit vector across. Where one is missing, it may.
+    frame: unit vector across. Where one is missing, or holds a part of a wall, they may.
     """
     noise = np.zeros(2)
     for side in range(2):
         off = SIDE_OF_STONES_M if side == 1 else -SIDE_OF_STONES_M
         facet = data.facets[box_cell_at(data.span, place[0] + off * frame[0], place[1] + off * frame[1])]
-        if facet[FACET_N] == 0.0:
+        if facet[FACET_N] == 0.0 or facet[FACET_RMS] > MOST_FACET_M:
             return True
         noise[side] = np.hypot(facet[FACET_RMS], LEAST_FLOOR_NOISE_M)
     return bool(max(noise[0], noise[1]) <= FACETS_ALIKE * min(noise[0], noise[1]))
@@ -194,7 +198,9 @@ def box_of_stone(
     road = np.array(
         (stripe[STONE_Z], east, north) if np.isfinite(east + north) else (stripe[STONE_Z], 0.0, 0.0)
     )
-    near, plane, noise = ground_across(data, (x, y), (vx, vy), road, STONE_HALVES_M[1], work)
+    near, plane, noise = ground_across(
+        data, (x, y), (vx, vy), road, STONE_HALVES_M[1], MOST_STONE_POINTS, work
+    )
     if near < 2.0 * CHANGE_SIDE_POINTS:
         return False
     bin_sums_across(work, near, vx, vy, CHANNEL_HALF_M, STONE_BIN_M, sums, False)
