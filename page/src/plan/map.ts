@@ -11,9 +11,6 @@ import { expanded } from "../app/geometry";
 
 const FINEST_M = 0.002; // metres per pixel when zoomed in fully: finer than any sensor resolves
 const MOVED_PX = 3; // a shorter drag is a click
-// Tiles that are asked for at once: of the six requests that a browser makes to a server at a time, two are left to what
-// the other views show. Tiles of the road image take seconds, and images of an item waited 25 s behind them.
-const TILES_AT_ONCE = 4;
 const COARSEST_SCREENS = 4; // how many times the survey fits into the view when zoomed out fully
 
 function metres(survey: Survey): Projection {
@@ -37,7 +34,6 @@ export function planMap(target: HTMLElement, survey: Survey): OlMap {
     target,
     view,
     moveTolerance: MOVED_PX,
-    maxTilesLoading: TILES_AT_ONCE,
     controls: controls({ attribution: false, rotate: false, zoom: false }).extend([new ScaleLine({ minWidth: 80 })]),
     // Shift-drag selects, double-clicks belong to the tools, and keys go through the keyboard table
     interactions: interactions({
