@@ -159,19 +159,19 @@ navigation.filter_forward = trajectory
     f8:1C f8:2C f8:2C f8:2C i8:1C f8:2C! f8:2C! f8:2C f8:1C f8:1C
 navigation.smooth_backward = trajectory
     f8:2C f8:3C f8:2C f8:1C
-paint.paint_points.bright_centres = paint
+paint.paint_points.bright_centres = paint boundaries
     f8:2C i8:1C i8 f8
-paint.paint_points.cells_near_road = paint
+paint.paint_points.cells_near_road = paint boundaries
     f8:2C! f8:1C (f8,i8,i8,f8) f4:2C b1:2C f8 (f8,i8,i8,i8,i8)
-paint.paint_points.count_bright = paint
+paint.paint_points.count_bright = paint boundaries
     f8:2C i8:1C i8 f8
-paint.paint_points.sort_into_cells = paint
+paint.paint_points.sort_into_cells = paint boundaries
     f8:2C! f4:1C! f8:1C! f8:1C i4:1C i8
 paint.rhythm.best_rhythm = paint pairs
     b1:1C f8 (f8,f8) (f8,f8,f8) (f8,f8) f8
-paint.stripes_ahead.cells_ahead = paint
+paint.stripes_ahead.cells_ahead = paint boundaries
     f8:2C i8:1C (f8,i8,i8,i8,i8) f8:2C b1:1C f8
-paint.stripes_all.all_stripes = paint
+paint.stripes_all.all_stripes = paint boundaries
     f8:2C i8:1C (f8,i8,i8,i8,i8) i8:1C f8:2C f8:1C f8
 radon.corridor.find_beam_starts = rails
     f8:2C i8:1C i8 i8 f8 f8:2C f8:1C radon.corridor.BeamShape(f8,f8,f8,f8,f8,f8,f8,f8,f8) f8:2C
