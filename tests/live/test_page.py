@@ -68,7 +68,7 @@ def followed(source: Path, tmp_path: Path) -> Iterator[Followed]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with opened_browser() as browser:
+    with opened_browser(draws_3d=False) as browser:
         yield browser
 
 

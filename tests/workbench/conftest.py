@@ -100,9 +100,12 @@ def _served_copy(drive: Path, lines: Path, factory: pytest.TempPathFactory) -> I
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Return a Chromium; of a module, as its loop would be in the way of other modules' own."""
-    with opened_browser() as browser:
+def browser(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """Return a Chromium; of a module, as its loop would be in the way of other modules' own.
+
+    It draws in three dimensions for a module that says so: `DRAWS_3D = True`.
+    """
+    with opened_browser(draws_3d=getattr(request.module, "DRAWS_3D", False)) as browser:
         yield browser
 
 

@@ -138,18 +138,20 @@ def _first_line(process: subprocess.Popen[str], said: list[str]) -> str:
 
 
 @contextlib.contextmanager
-def opened_browser() -> Iterator[Any]:
-    """Give a Chromium; skip where there is none, but fail where tests are to run."""
+def opened_browser(*, draws_3d: bool = True) -> Iterator[Any]:
+    """Give a Chromium; skip where there is none, but fail where tests are to run.
+
+    Without WebGL it draws pages in half the time: where there is no graphics card all else goes through it too.
+    """
     from playwright.sync_api import sync_playwright
 
     if not CHROMIUM.exists():
         if os.environ.get("CI") == "true":
             pytest.fail(f"{CHROMIUM} is missing")
         pytest.skip(f"{CHROMIUM} IS MISSING: NO BROWSER TESTS")
+    arguments = [*BROWSER_ARGUMENTS] if draws_3d else [*BROWSER_ARGUMENTS, "--disable-software-rasterizer"]
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=str(CHROMIUM), headless=True, args=list(BROWSER_ARGUMENTS)
-        )
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), headless=True, args=arguments)
         yield browser
         browser.close()
 

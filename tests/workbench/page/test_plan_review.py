@@ -73,15 +73,21 @@ def test_what_is_sure_is_accepted_by_one_key_and_the_plan_stays(browser, served)
         "box": [east - 5, north - 5, east + 5, north + 5], "length_m": 0.0, "confidence": 0.98,
         "reason": "some lines", "proposal": {"action": "accept", "ids": ids},
     }  # fmt: skip
+    queue = [item]
     with opened_page(browser, served) as page:
-        page.route("**/api/queue", lambda route: route.fulfill(json=[item]))
+        page.route("**/api/queue", lambda route: route.fulfill(json=queue))
         page.reload()
         plan = PlanPage(page, served)
         wait_until(lambda: _left(plan) == 1)
         assert page.locator(".item .what").inner_text() == "Nothing to check"
         assert page.locator(".item .length").inner_text() == ""
-        plan.press("n", "y")
+        plan.press("n")
+        wait_until(lambda: _current(plan) == "sure")
+        queue.clear()
+        plan.press("y")
         wait_until(lambda: all(plan.documents()[name]["review"] == "accepted" for name in ids))
+        # The page goes to the next item once it has the answer
+        page.wait_for_selector(".queue-pane[data-left='0']", state="attached")
         # An undo within view does not move the plan
         place = lines[0]["xyz"][len(lines[0]["xyz"]) // 2]
         plan.look_at((place[0], place[1]))

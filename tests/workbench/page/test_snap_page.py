@@ -97,8 +97,14 @@ def test_what_is_clicked_while_edges_are_sought_is_of_the_next_line(plan, beside
     plan.page.keyboard.down("Alt")
     plan.click((places[0][0] + 2.0, places[0][1] + 2.0))
     plan.page.keyboard.up("Alt")
-    for route in tuple(held):
-        route.continue_()
+
+    def is_saved():
+        # The last may be asked for only now
+        while held:
+            held.pop().continue_()
+        return plan.revision > before
+
+    wait_until(is_saved)
     plan.page.unroute("**/api/snap?*")
     drawn = [one for one in plan.saved_since(before)[KIND] if one.review == "drawn"]
     (xy,) = (one.xyz[:, :2] for one in drawn)

@@ -12,6 +12,8 @@ from tests.workbench.serve_process import Served, wait_until
 
 from linework.files.vectors.read_write import read_lines
 
+DRAWS_3D = True
+
 
 @pytest.fixture
 def views(page: Any, served: Served) -> tuple[Any, Served]:
