@@ -121,6 +121,23 @@ def test_a_line_on_a_strip_is_found_where_its_edges_are_resolved(
     assert (out[:m, BAND_LEFT] - out[:m, BAND_RIGHT]).tolist() == pytest.approx(widths, abs=0.06)
 
 
+@pytest.mark.parametrize(("gap", "least"), [(0.0, 20), (0.35, 15), (1.0, 0)])
+def test_two_lines_are_parted_where_the_gap_is_darker_than_both(gap: float, least: int) -> None:
+    # 20 points/m2 from the air: the spot of the beam brightens the 0.28 m between two lines
+    n, parted = 160, 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        work = np.zeros((n, 5))
+        work[:, 0], work[:, 1] = rng.uniform(-1.4, 1.4, (2, n))
+        v = np.abs(work[:, 1])
+        work[:, 3] = np.where(v < 0.14, gap, v < 0.4) + 0.1 * rng.normal(size=n)
+        out = np.zeros((MOST_STRIPES, 3))
+        m = stripes_across(work, n, 0.0, 1.0, 4.0, out)
+        bands = out[np.argsort(out[:m, BAND_RIGHT]) if m else slice(0)]
+        parted += m == 2 and bands[0, BAND_LEFT] < 0.0 < bands[1, BAND_RIGHT]
+    assert least <= parted <= (20 if least else 0)
+
+
 @pytest.mark.parametrize(("rest", "band"), [(0.5, (13, 17)), (0.02, (-1, -1))])
 def test_a_line_lies_on_a_strip_that_stands_out_without_it(rest: float, band: tuple[int, int]) -> None:
     profile = np.zeros(30)

@@ -7,8 +7,10 @@ from tests.scenes.box_scenes import boxes_on, everything_seen, nothing_seen, str
 from linework.methods.obb.method import Obb
 from linework.methods.protocol import SurveyContext
 from linework.methods.tracking import marking_lines
-from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, log_odds
+from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, log_odds, odds_of_line
 from linework.methods.tracking.neighbours import LineAxis, half_lane_sides
+from linework.methods.tracking.pattern import PaintRhythm
+from linework.methods.tracking.smooth import smooth_line
 from linework.methods.tracking.track import Tracks
 
 #: Four pieces of 2.2 m over 31 m, and a line with half of its paint.
@@ -39,6 +41,22 @@ def test_a_worn_line_is_sure_and_hidden_road_says_nothing():
     (hidden,), _ = rows_of(few, seen=nothing_seen)
     (seen,), _ = rows_of(few)
     assert hidden.confidence > seen.confidence + 0.2
+
+
+@pytest.mark.parametrize(
+    ("places", "period_m", "is_line"),
+    [
+        ([0, 2, 4, 6], 14.4, False),  # Arrows every 29 m, which no dashes are
+        ([0, 2, 4, 6], 6.0, True),  # Dashes every 12 m are in use
+        ([0, 1, 2, 4, 6], 14.4, True),  # Some are missing between the others
+    ],
+)
+def test_a_row_at_equal_distances_beyond_any_in_use_is_no_line(places, period_m, is_line):
+    dashes = period_m * np.array(places, dtype=np.float64)[:, None] + np.array([0.0, 3.0])
+    boxes = boxes_on(*(straight(3.0, x=start) for start in dashes[:, 0]), noise=0.005)
+    line = smooth_line(boxes, np.argsort(boxes.centre[:, 0]), (0.0, 0.0))
+    odds = odds_of_line(line, dashes, PaintRhythm(period_m, 3.0, 1.0), dashes, everything_seen)
+    assert (odds > 0.0) == is_line
 
 
 def joined(boxes, **choices):

@@ -248,6 +248,19 @@ def stripes_across(
         )
         m += 1
         taken[max(first - 1, 0) : min(last + 1, N_ACROSS)] = 1
+    # Two lines near each other stand out more as one from the road on both sides than each from the gap between
+    for j in range(m):
+        if m == MOST_STRIPES:
+            break
+        right, left = (
+            int((out[j, BAND_RIGHT] + reach) / size + 0.5),
+            int((out[j, BAND_LEFT] + reach) / size + 0.5),
+        )
+        first, last, t = dark_gap(number, total, variance, rises, falls, (right, left), least_t)
+        if first >= 0:
+            out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = last * size - reach, out[j, BAND_LEFT], t
+            out[j, BAND_LEFT], out[j, BAND_T] = first * size - reach, t
+            m += 1
     # Both edges of a line within a band need bins of their own: where points are sparse these are too wide
     bins = int(NARROWEST_LINE_M / size + 0.5)
     for j in range(m):
@@ -266,6 +279,54 @@ def stripes_across(
             )
             m += 1
     return m
+
+
+@njit(cache=True, nogil=True)
+def dark_gap(
+    number: FloatArray,
+    total: FloatArray,
+    variance: float,
+    rises: IntArray,
+    falls: IntArray,
+    outer: tuple[int, int],
+    least_t: float,
+) -> tuple[int, int, float]:
+    """Return the gap that is darker than both lines of a band, its first and last border and t-value; -1 without one.
+
+    Parameters
+    ----------
+    number, total
+        (m + 1,): see `edges_of`.
+    variance
+        Of the brightness within the bins.
+    rises, falls
+        Borders where the profile rises and falls most.
+    outer
+        First and last border of the band.
+    least_t
+        Smallest t-value.
+    """
+    low, high = outer
+    best, first, last = least_t, -1, -1
+    for a in falls:
+        n_right = number[a] - number[low]
+        if a <= low or a >= high or n_right < BAND_POINTS:
+            continue
+        right = (total[a] - total[low]) / n_right
+        for b in rises:
+            n_gap, n_left = number[b] - number[a], number[high] - number[b]
+            if b <= a or b >= high or n_gap < BAND_POINTS or n_left < BAND_POINTS:
+                continue
+            gap, left = (total[b] - total[a]) / n_gap, (total[high] - total[b]) / n_left
+            if gap >= right or gap >= left:
+                continue
+            t = min(
+                (right - gap) / math.sqrt(variance * (1.0 / n_right + 1.0 / n_gap)),
+                (left - gap) / math.sqrt(variance * (1.0 / n_left + 1.0 / n_gap)),
+            )
+            if t > best:
+                best, first, last = t, a, b
+    return first, last, best
 
 
 @njit(cache=True, nogil=True)

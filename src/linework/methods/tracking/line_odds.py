@@ -13,7 +13,7 @@ from scipy.special import expit
 from linework.arrays import FloatArray
 from linework.methods.protocol import VISIBLE_STEP_M, Sight
 from linework.methods.tracking.fitted import ROW_LOG_ODDS, STRAY_PATCHES
-from linework.methods.tracking.pattern import PATCH_M, PaintRhythm
+from linework.methods.tracking.pattern import PATCH_M, PERIODS_M, PaintRhythm
 from linework.methods.tracking.smooth import SmoothLine
 
 #: Longest arrow or letter [m]: 7.5 m where traffic is fast.
@@ -45,6 +45,9 @@ def odds_of_line(
     than they are. Each dash beyond the third adds ln(period / dash): a stripe anywhere in a period lies in a dash's
     place by chance in dash / period of all cases. That, too, is taken as independent, of other dashes and of the patches.
 
+    Arrows and covers are repeated at equal distances as well, farther apart than any dashes in use. Where only every
+    second or third dash of a rhythm is there, the others are missing where they would be if there was such a row.
+
     Parameters
     ----------
     paint, dashes
@@ -69,7 +72,26 @@ def odds_of_line(
             missing += gone * min(seen_m / float(gap[1] - gap[0]), 1.0)
     # Three dashes make a period; that each further one lies in its place would be chance without a line
     in_place = max(len(dashes) - FREE_DASHES, 0) * math.log(rhythm.period_m / rhythm.dash_m)
-    return in_rows + log_odds(len(dashes), missing) + in_place
+    by_chance = in_rows + log_odds(len(dashes), missing) + in_place
+    if not _are_repeated_farther(dashes, rhythm):
+        return by_chance
+    return -float(np.logaddexp(-by_chance, -_log_odds_of_dashes(len(dashes), missing)))
+
+
+def _are_repeated_farther(dashes: FloatArray, rhythm: PaintRhythm) -> bool:
+    """Return whether only every n-th dash of a rhythm (d, 2) [m] is there, farther apart than dashes in use."""
+    middle = dashes.mean(axis=1)
+    every = int(np.gcd.reduce(np.rint(np.diff(middle) / rhythm.period_m).astype(np.int64), initial=0))
+    return every > 1 and every * rhythm.period_m > PERIODS_M[1]
+
+
+def _log_odds_of_dashes(painted: float, bare: float) -> float:
+    """Return the logarithm of the odds of worn dashes against what is repeated at the places of those that are left.
+
+    A row of the latter has all that is seen, and lacks all that is missing; dashes as worn as these do so by chance.
+    """
+    gone = (bare + 0.5) / (painted + bare + 1.0)
+    return -ROW_LOG_ODDS + painted * math.log(1.0 - gone) + bare * math.log(gone)
 
 
 def log_odds(painted: float, bare: float) -> float:
