@@ -8,6 +8,7 @@ BIN = $(VENV)/bin
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m compileall -q src tests
 	touch $@
 
 $(VENV)/.docs: $(VENV)/.installed
@@ -36,7 +37,7 @@ check: $(VENV)/.installed  ## style, types, import direction
 	$(BIN)/python -m pytest -n 0 tests/test_architecture.py
 
 docs: $(VENV)/.docs  ## guides and API reference as a website in build/docs; a warning is an error
-	$(BIN)/python -m sphinx -b html -W --keep-going -q -j 2 docs build/docs
+	$(BIN)/python -m sphinx -b html -W --keep-going -q -j 2 $(SPHINX) docs build/docs
 
 bench: $(VENV)/.installed  ## what is timed (nothing timed is asserted in a test)
 	$(BIN)/python -m benchmarks
