@@ -234,8 +234,8 @@ def stripes_across(
                 if mean <= right or mean <= left:
                     continue
                 t = min(
-                    (mean - right) / math.sqrt(variance * (1.0 / n_in + 1.0 / n_right)),
-                    (mean - left) / math.sqrt(variance * (1.0 / n_in + 1.0 / n_left)),
+                    difference_t(mean, n_in, right, n_right, variance),
+                    difference_t(mean, n_in, left, n_left, variance),
                 )
                 if t > best:
                     best, first, last = t, a, b
@@ -252,11 +252,8 @@ def stripes_across(
     for j in range(m):
         if m == MOST_STRIPES:
             break
-        right, left = (
-            int((out[j, BAND_RIGHT] + reach) / size + 0.5),
-            int((out[j, BAND_LEFT] + reach) / size + 0.5),
-        )
-        first, last, t = dark_gap(number, total, variance, rises, falls, (right, left), least_t)
+        outer = borders_of(out[j], size, reach)
+        first, last, t = dark_gap(number, total, variance, rises, falls, outer, least_t)
         if first >= 0:
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = last * size - reach, out[j, BAND_LEFT], t
             out[j, BAND_LEFT], out[j, BAND_T] = first * size - reach, t
@@ -266,10 +263,7 @@ def stripes_across(
     for j in range(m):
         if m == MOST_STRIPES or bins < 2 * N_EDGE:
             break
-        outer = (
-            int((out[j, BAND_RIGHT] + reach) / size + 0.5),
-            int((out[j, BAND_LEFT] + reach) / size + 0.5),
-        )
+        outer = borders_of(out[j], size, reach)
         first, last, t = narrower_band(number, total, variance, rises, falls, outer, least_t)
         if first >= 0:
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = (
@@ -279,6 +273,18 @@ def stripes_across(
             )
             m += 1
     return m
+
+
+@njit(cache=True, nogil=True)
+def difference_t(mean: float, n: float, other: float, n_other: float, variance: float) -> float:
+    """Return how much brighter the mean of n points is than that of others, over its standard deviation."""
+    return float((mean - other) / math.sqrt(variance * (1.0 / n + 1.0 / n_other)))
+
+
+@njit(cache=True, nogil=True)
+def borders_of(band: FloatArray, size: float, reach: float) -> tuple[int, int]:
+    """Return the first and last border of a band (3,) between the bins of `size` [m], which begin at -`reach` [m]."""
+    return int((band[BAND_RIGHT] + reach) / size + 0.5), int((band[BAND_LEFT] + reach) / size + 0.5)
 
 
 @njit(cache=True, nogil=True)
@@ -321,8 +327,8 @@ def dark_gap(
             if gap >= right or gap >= left:
                 continue
             t = min(
-                (right - gap) / math.sqrt(variance * (1.0 / n_right + 1.0 / n_gap)),
-                (left - gap) / math.sqrt(variance * (1.0 / n_left + 1.0 / n_gap)),
+                difference_t(right, n_right, gap, n_gap, variance),
+                difference_t(left, n_left, gap, n_gap, variance),
             )
             if t > best:
                 best, first, last = t, a, b
@@ -381,14 +387,14 @@ def narrower_band(
             if mean <= right or mean <= left:
                 continue
             t = min(
-                (mean - right) / math.sqrt(variance * (1.0 / n_in + 1.0 / n_right)),
-                (mean - left) / math.sqrt(variance * (1.0 / n_in + 1.0 / n_left)),
+                difference_t(mean, n_in, right, n_right, variance),
+                difference_t(mean, n_in, left, n_left, variance),
             )
             n_rest = number[high] - number[low] - n_in
             rest = (total[high] - total[low] - total[b] + total[a]) / n_rest
             off = min(
-                (rest - road_right) / math.sqrt(variance * (1.0 / n_rest + 1.0 / n_road_right)),
-                (rest - road_left) / math.sqrt(variance * (1.0 / n_rest + 1.0 / n_road_left)),
+                difference_t(rest, n_rest, road_right, n_road_right, variance),
+                difference_t(rest, n_rest, road_left, n_road_left, variance),
             )
             if t > best and off > least_t:
                 best, first, last = t, a, b
