@@ -46,9 +46,14 @@ _GOES_ON_M, _GOES_ON = 0.06, 0.985
 _FLAT_M, _FLAT_SIGMAS = 0.025, 3.0
 #: Narrowest stripe [m]; shortest stripe over its width; spacing of the points up to which width is not blurred [m].
 _NARROWEST_M, _LEAST_RATIO, _DENSE_M = 0.05, 1.5, 0.1
-#: Largest difference of the road on both sides of paint, over the paint's contrast: wheel tracks and patches make 0.36
-#: beside faint paint, the border of two materials 0.45 to 0.7 (simulated roads, seeds 100 to 104).
-MOST_SIDES = 0.4
+#: Difference of the road on both sides of paint, over the paint's contrast, that wheel tracks and patches make (standard
+#: deviation): 0.36 at most beside faint paint, where the border of two materials has 0.45 to 0.7 (simulated roads, seeds
+#: 100 to 104).
+_TRACKS_DIFFER = 0.13
+#: Distance of an edge line from the end of its road [m]: a hand's breadth to a shoulder of 0.5 m.
+_EDGE_LINE_M = 0.3
+#: Logarithm of the odds of paint against what lies along borders of materials, before the two sides are compared.
+_PAINT_LOG_ODDS = 3.0
 #: Smallest standard deviation of a box: no scanner measures better. [m, rad]
 _LEAST_SIGMA = 0.001
 
@@ -328,12 +333,26 @@ def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool)
 def _chance_of_paint(found: FloatArray) -> FloatArray:
     """Return the chance that stripes (n, 24) are paint, (n,), against what else is brighter than the road.
 
-    A strip that fades into the road is what is left between wheel tracks, or dries first; a stripe between two
-    materials is the stone, the gutter or the dust along their border.
+    A strip that fades into the road is what is left between wheel tracks, or dries first.
     """
     odds = PAINT_SCORE_SLOPE * found[:, stripes.STRIPE_T] + PAINT_SCORE_OFFSET
     chance: FloatArray = expit(odds - np.maximum(found[:, stripes.STRIPE_FADES], 0.0))
-    return np.where(found[:, stripes.STRIPE_SIDES] > MOST_SIDES, 0.0, chance)
+    return chance * _chance_by_sides(found)
+
+
+def _chance_by_sides(found: FloatArray) -> FloatArray:
+    """Return the chance that stripes (n, 24) are paint, (n,), not the stone, gutter or dust along two materials' border.
+
+    Paint has the same road on both sides, but for wheel tracks and noise; along a border any difference is as likely. An
+    edge line lies a hand's breadth from the end of its road: where points are as far apart as that, what is measured
+    beside it is half the time what lies beyond, and the difference says little.
+    """
+    sides = np.minimum(found[:, stripes.STRIPE_SIDES], 1.0)
+    # The contrast to the brighter side is 1 - sides of that to the darker one, and its t-value tells the noise
+    spread = np.hypot(_TRACKS_DIFFER, (1.0 - sides) / np.maximum(found[:, stripes.STRIPE_T], 1.0))
+    beyond = 0.5 * np.minimum(found[:, stripes.STRIPE_SPACING] / _EDGE_LINE_M, 1.0) ** 2
+    alike = np.sqrt(2.0 / np.pi) / spread * np.exp(-0.5 * (sides / spread) ** 2)
+    return np.asarray(expit(_PAINT_LOG_ODDS + np.log((1.0 - beyond) * alike + beyond)))
 
 
 def _inside_range(intensity: Float32Array, config: MarkingConfig) -> Float32Array:

@@ -16,8 +16,9 @@ from linework.methods.tracking.fitted import ROW_LOG_ODDS, STRAY_PATCHES
 from linework.methods.tracking.pattern import PATCH_M, PERIODS_M, PaintRhythm
 from linework.methods.tracking.smooth import SmoothLine
 
-#: Longest arrow or letter [m]: 7.5 m where traffic is fast.
-LONGEST_SYMBOL_M = 7.5
+#: Longest arrow or letter [m]: 7.5 m where traffic is fast. Symbols of a lane that are repeated are read apart: farther from
+#: each other than the longest of them is. [m]
+LONGEST_SYMBOL_M, LEAST_APART_M = 7.5, 10.0
 #: Dashes that period, phase and length are fitted to.
 FREE_DASHES = 3
 #: Why pieces of paint are more likely in a row by chance than one line.
@@ -45,8 +46,9 @@ def odds_of_line(
     than they are. Each dash beyond the third adds ln(period / dash): a stripe anywhere in a period lies in a dash's
     place by chance in dash / period of all cases. That, too, is taken as independent, of other dashes and of the patches.
 
-    Arrows and covers are repeated at equal distances as well, farther apart than any dashes in use. Where only every
-    second or third dash of a rhythm is there, the others are missing where they would be if there was such a row.
+    Arrows and covers are repeated at equal distances as well. Where only every second or third dash of a rhythm is there,
+    farther apart than any dashes in use, the others are missing where they would be if there was such a row; and in the
+    middle of a lane whatever is as far apart as arrows are is as likely to be some.
 
     Parameters
     ----------
@@ -73,9 +75,13 @@ def odds_of_line(
     # Three dashes make a period; that each further one lies in its place would be chance without a line
     in_place = max(len(dashes) - FREE_DASHES, 0) * math.log(rhythm.period_m / rhythm.dash_m)
     by_chance = in_rows + log_odds(len(dashes), missing) + in_place
-    if not _are_repeated_farther(dashes, rhythm):
+    if lane_sides > 1 and rhythm.period_m >= LEAST_APART_M:
+        prior = ROW_LOG_ODDS
+    elif _are_repeated_farther(dashes, rhythm):
+        prior = -ROW_LOG_ODDS
+    else:
         return by_chance
-    return -float(np.logaddexp(-by_chance, -_log_odds_of_dashes(len(dashes), missing)))
+    return -float(np.logaddexp(-by_chance, -_log_odds_of_dashes(len(dashes), missing, prior)))
 
 
 def _are_repeated_farther(dashes: FloatArray, rhythm: PaintRhythm) -> bool:
@@ -85,13 +91,14 @@ def _are_repeated_farther(dashes: FloatArray, rhythm: PaintRhythm) -> bool:
     return every > 1 and every * rhythm.period_m > PERIODS_M[1]
 
 
-def _log_odds_of_dashes(painted: float, bare: float) -> float:
+def _log_odds_of_dashes(painted: float, bare: float, prior: float) -> float:
     """Return the logarithm of the odds of worn dashes against what is repeated at the places of those that are left.
 
     A row of the latter has all that is seen, and lacks all that is missing; dashes as worn as these do so by chance.
+    prior: the logarithm of the odds before anything was seen.
     """
     gone = (bare + 0.5) / (painted + bare + 1.0)
-    return -ROW_LOG_ODDS + painted * math.log(1.0 - gone) + bare * math.log(gone)
+    return prior + painted * math.log(1.0 - gone) + bare * math.log(gone)
 
 
 def log_odds(painted: float, bare: float) -> float:
