@@ -81,7 +81,12 @@ def odds_of_line(
         prior = -ROW_LOG_ODDS
     else:
         return by_chance
-    return -float(np.logaddexp(-by_chance, -_log_odds_of_dashes(len(dashes), missing, prior)))
+    return odds_against_both(by_chance, _log_odds_of_dashes(len(dashes), missing, prior))
+
+
+def odds_against_both(first: float, second: float) -> float:
+    """Return the logarithm of the odds against two other explanations, from those against each of them."""
+    return -float(np.logaddexp(-first, -second))
 
 
 def _are_repeated_farther(dashes: FloatArray, rhythm: PaintRhythm) -> bool:

@@ -19,8 +19,14 @@ from linework.methods.tracking.against_paint import (
 from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.guides import LEAST_GUIDE_M
 from linework.methods.tracking.line_ends import CLOSE_M, SHORT_GAP_M, ends_in_gaps, from_longest_gap
-from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, chance_of_line, odds_of_line
-from linework.methods.tracking.mouths import NO_MOUTHS, Mouths
+from linework.methods.tracking.line_odds import (
+    BARE_ROW,
+    SYMBOLS,
+    chance_of_line,
+    odds_against_both,
+    odds_of_line,
+)
+from linework.methods.tracking.mouths import AT_MOUTHS, NO_MOUTHS, Mouths
 from linework.methods.tracking.pattern import (
     PaintRhythm,
     PatternStretch,
@@ -110,13 +116,15 @@ def marking_lines(
     lines, other = list[SmoothMarking](), list[SmoothMarking]()
     for found in _all_markings(boxes, tracks, visible, strips, mouths):
         # What is too bare for a line may be shorter paint in a row; stones are told by their step along the whole line
-        is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and found.why_unlikely != BARE_ROW)
+        is_row = found.why_unlikely in (BARE_ROW, AT_MOUTHS)
+        is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and not is_row)
         parts = [found] if is_whole else _without_gaps(boxes, found, visible, strips)
         for m in parts:
             if m.why_unlikely == BARE_ROW:
                 other.append(_as_other_paint(boxes, m, strips))
             elif not m.why_unlikely:
-                (lines if _is_line(m) else other).append(m)
+                # Between mouths a line may be short
+                (lines if _is_line(m) or found.why_unlikely == AT_MOUTHS else other).append(m)
     return lines, other
 
 
@@ -226,7 +234,7 @@ def _markings(
     found: list[SmoothMarking] = []
     for first, piece in zip([0, *cuts], np.split(box, cuts), strict=True):
         if len(piece) >= 2:
-            found += _by_pattern(boxes, piece, stretches, float(t[first]), visible, strips)
+            found += _by_pattern(boxes, piece, stretches, float(t[first]), visible, strips, mouths)
     return found
 
 
@@ -237,6 +245,7 @@ def _by_pattern(
     start_m: float,
     visible: Sight,
     strips: BrightStrips,
+    mouths: Mouths,
 ) -> list[SmoothMarking]:
     """Return the markings through boxes (k,) of a track: one smooth line, cut where its pattern changes.
 
@@ -252,14 +261,14 @@ def _by_pattern(
     if all(stretch.rhythm is None for stretch in own_stretches):
         own_stretches = _within(stretches, start_m, paint) or own_stretches
     if len(own_stretches) == 1:
-        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm, visible, strips)]
+        return [_marking(boxes, box, line, paint, own_stretches[0].rhythm, visible, strips, mouths)]
     found = []
     for stretch in own_stretches:
         own = box[(t >= stretch.start_m) & (t <= stretch.end_m)]
         inside = paint[(paint[:, 1] > stretch.start_m) & (paint[:, 0] < stretch.end_m)]
         if len(own) >= 2 and len(inside):
             part = _cut(line, stretch.start_m, stretch.end_m)
-            found.append(_marking(boxes, own, part, inside, stretch.rhythm, visible, strips))
+            found.append(_marking(boxes, own, part, inside, stretch.rhythm, visible, strips, mouths))
     return found
 
 
@@ -281,14 +290,19 @@ def _marking(
     rhythm: PaintRhythm | None,
     visible: Sight,
     strips: BrightStrips,
+    mouths: Mouths = NO_MOUTHS,
 ) -> SmoothMarking:
     """Return the marking through boxes (k,) on a smooth line, with its paint (j, 2) [m]."""
     found = _as_paint(boxes, box, line, paint, rhythm, strips)
     if not _is_line(found):
         return found
     # Of a line what was measured says that it is one, not what was bridged
-    chance = chance_of_line(odds_of_line(line, paint, rhythm, found.dashes, visible))
-    why = found.why_unlikely or (BARE_ROW if chance < LEAST_LINE_CHANCE else "")
+    odds = odds_of_line(line, paint, rhythm, found.dashes, visible)
+    why = found.why_unlikely or (BARE_ROW if chance_of_line(odds) < LEAST_LINE_CHANCE else "")
+    if rhythm is not None:
+        odds = odds_against_both(odds, mouths.log_odds_of_rhythm(line, found.dashes))
+    chance = chance_of_line(odds)
+    why = why or (AT_MOUTHS if chance < LEAST_LINE_CHANCE else "")
     return replace(found, confidence=found.confidence * chance, why_unlikely=why)
 
 

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis
+from linework.methods.tracking.smooth import SmoothLine
 from linework.model.boxes import BoxSet
 
 #: Boundaries are looked for this far to both sides of a line: two lanes and a shoulder. [m]
@@ -34,6 +35,9 @@ GOES_ON_M = 1.0
 SAME_OFFSET_M = 2.0
 #: Boundaries run along a line within 30 degrees: cosine. Beside a place are those so far along the line at most. [m]
 _ALONG, ALONG_M = 0.866, 0.75 * AXIS_STATION_M
+#: Logarithms of the odds of a dashed line against lines that end at mouths, before the mouths are counted, and of a line
+#: that ends where no mouth is, against one that ends at a mouth: about 20 and 1 to 20, set by hand.
+RHYTHM_LOG_ODDS, NO_REASON_LOG_ODDS = 3.0, -3.0
 #: Fewest stations of boundaries that lead away from the line in a mouth. Where none does, the boundary may be there and not
 #: be seen, as the paint.
 LEAST_TURNING = 2
@@ -85,6 +89,46 @@ class Mouths:
                 place[inside] = _bridged(place, inside)
                 chance[i] = self._chance(place, inside)
         return chance
+
+    def log_odds_of_rhythm(self, line: SmoothLine, dashes: FloatArray) -> float:
+        """Return the logarithm of the odds of a dashed line against lines of their own that end at mouths.
+
+        Those have a mouth in each of their gaps, or end for no reason. The rhythm of a dashed line knows nothing of mouths:
+        that so many lie beside its gaps and so few beside its dashes is chance.
+
+        Parameters
+        ----------
+        dashes
+            (d, 2) intervals along the line, ascending. [m]
+        """
+        gaps = np.column_stack([dashes[:-1, 1], dashes[1:, 0]])
+        if self._tree is None or np.all(gaps[:, 1] - gaps[:, 0] < LEAST_MOUTH_M):
+            return math.inf
+        in_gaps = self._count_beside(line, gaps)
+        if in_gaps == 0:
+            return math.inf
+        mouths = in_gaps + self._count_beside(line, dashes)
+        ways = sum(
+            math.comb(len(gaps), k) * math.comb(len(dashes), mouths - k)
+            for k in range(in_gaps, min(mouths, len(gaps)) + 1)
+        )
+        by_chance = math.log(ways / math.comb(len(gaps) + len(dashes), mouths))
+        return RHYTHM_LOG_ODDS + by_chance - (len(gaps) - in_gaps) * NO_REASON_LOG_ODDS
+
+    def _count_beside(self, line: SmoothLine, intervals: FloatArray) -> int:
+        """Return the number of intervals along a line (k, 2) [m] with a mouth beside them."""
+        count = 0
+        for first, last in intervals.tolist():
+            before = _places(max(float(line.t_m[0]), first - AROUND_M), first)
+            within, behind = (
+                _places(first, last),
+                _places(last, min(float(line.t_m[-1]), last + AROUND_M)),
+            )
+            if min(len(before), len(within), len(behind)) >= LEAST_PLACES:
+                at = np.concatenate([before, within, behind])
+                place = np.column_stack([np.interp(at, line.t_m, line.xyz[:, axis]) for axis in range(2)])
+                count += self._chance(place, slice(len(before), len(before) + len(within))) < 1.0
+        return count
 
     def _chance(self, place: FloatArray, inside: slice) -> float:
         """Return what `chances` does for one gap, on the side that speaks most; place: (n, 2) [m]."""
@@ -181,5 +225,7 @@ def _longest_run(is_open: BoolArray) -> int:
     return int(np.max(ends[1::2] - ends[::2], initial=0))
 
 
+#: Why dashes are lines of their own.
+AT_MOUTHS = "end at the mouths beside them: lines of their own, not dashes"
 #: Where no boundaries are known.
 NO_MOUTHS = Mouths([], lambda xy: np.ones(len(xy), dtype=np.bool_))
