@@ -59,6 +59,17 @@ def test_a_row_at_equal_distances_beyond_any_in_use_is_no_line(places, period_m,
     assert (odds > 0.0) == is_line
 
 
+@pytest.mark.parametrize(
+    ("sides", "period_m", "is_line"), [(0, 20.0, True), (1, 20.0, True), (2, 20.0, False), (2, 6.0, True)]
+)
+def test_a_row_as_far_apart_as_arrows_in_the_middle_of_a_lane_is_no_line(sides, period_m, is_line):
+    dashes = period_m * np.arange(5.0)[:, None] + np.array([0.0, 3.0])
+    boxes = boxes_on(*(straight(3.0, x=start) for start in dashes[:, 0]), noise=0.005)
+    line = smooth_line(boxes, np.argsort(boxes.centre[:, 0]), (0.0, 0.0))
+    odds = odds_of_line(line, dashes, PaintRhythm(period_m, 3.0, 1.0), dashes, everything_seen, sides)
+    assert (odds > 0.0) == is_line
+
+
 def joined(boxes, **choices):
     lines = Obb(**choices).join(boxes, SurveyContext())
     return lines["lane_marking"], lines

@@ -21,9 +21,9 @@ def axis(x, y):
     return LineAxis.of(np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]), xy)
 
 
-def kerbs(mouths=MOUTHS, *, turns=True, y=1.0):
+def kerbs(mouths=MOUTHS, *, turns=True, y=1.0, width_m=MOUTH_M):
     """Kerbs beside a line along x, which turn into the mouths with corners of 4 m, or only leave off there."""
-    ends = [0.0, *np.ravel(np.column_stack([mouths, mouths + MOUTH_M])).tolist(), LENGTH_M]
+    ends = [0.0, *np.ravel(np.column_stack([mouths, mouths + width_m])).tolist(), LENGTH_M]
     a = np.linspace(0.0, 0.5 * np.pi, 20)
     corner = 4.0 * np.column_stack([np.sin(a), 1.0 - np.cos(a)])
     found = []
@@ -117,6 +117,21 @@ def test_dashes_end_at_a_mouth_where_one_is_missing():
     first, second = lines_through(boxes, kerbs(np.array([87.0])))
     assert first[1] == pytest.approx(84.0, abs=0.5)
     assert second[0] == pytest.approx(99.0, abs=0.5)
+
+
+def test_lines_between_mouths_at_equal_distances_are_no_dashes():
+    # Between the arms of a roundabout: 6 m of paint every 24 m, as long as dashes in use
+    start = np.arange(28.0, 110.0, 24.0)
+    boxes = boxes_on(*(straight(6.0, x=x) for x in start))
+    assert len(lines_through(boxes)) == 1
+    at_mouths = lines_through(boxes, kerbs(np.arange(11.0, 130.0, 24.0), width_m=16.0))
+    np.testing.assert_allclose(at_mouths, np.column_stack([start, start + 6.0]), atol=0.6)
+
+
+def test_dashes_beside_mouths_at_other_distances_are_one_line():
+    start = np.arange(28.0, 110.0, 24.0)
+    boxes = boxes_on(*(straight(6.0, x=x) for x in start))
+    assert len(lines_through(boxes, kerbs(np.array([37.0, 87.0]), width_m=8.0))) == 1
 
 
 def test_a_ring_begins_behind_its_longest_gap():
