@@ -12,6 +12,7 @@ from numba import njit
 
 from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
+from linework.kernels.boundaries.brightness_steps import brightness_step_in_cell
 from linework.kernels.boundaries.change_boxes import CHANGE_AREA_POINTS, change_in_cell, may_change
 from linework.kernels.boundaries.channel_boxes import MOST_CHANNEL_POINTS, channel_in_cell
 from linework.kernels.boundaries.edge_boxes import differs, edge_in_cell
@@ -254,7 +255,7 @@ def boxes_in_cells(
             if n + 2 >= len(out):
                 out = np.concatenate((out, np.empty_like(out)))
             out[n : n + 3, BOX_CONTRAST], out[n : n + 3, BOX_ROUGHER] = np.nan, np.nan
-            is_sure = False
+            is_sure, before = False, n
             known, around = look_around(data, ground, (x, y), limits, plane, slopes)
             if known == BOX_FOUND and box_in_cell(data, (x, y), around, scratch, out[n]) == BOX_FOUND:
                 write_box_times(starts, span, times, out[n])
@@ -262,6 +263,19 @@ def boxes_in_cells(
                 n += 1
             if is_sure:
                 continue
+            if (
+                known == BOX_FOUND
+                and brightness_step_in_cell(data, (x, y), around.floor, scratch, out[n]) == BOX_FOUND
+            ):
+                # Instead of an edge that is no surer
+                if n > before:
+                    n -= 1
+                    if out[n + 1, SCORE] > out[n, SCORE]:
+                        out[n] = out[n + 1]
+                write_box_times(starts, span, times, out[n])
+                n += 1
+                if out[n - 1, SCORE] > UNSURE_EDGE:
+                    continue
             if limits.is_vertical > 0.0:
                 known, around = look_around(data, ground, (x, y), against_road, plane, slopes)
             if known != BOX_FOUND:
