@@ -34,8 +34,8 @@ from linework.kernels.boundaries.profiles import (
     PlaceScratch,
     count_near,
     fit_side,
-    gather_at,
 )
+from linework.kernels.boundaries.walls import gather_ground
 from linework.kernels.cells.places import (
     BOX_ALL_ROAD,
     BOX_CELL_M,
@@ -78,10 +78,10 @@ STEP_TURNS = np.deg2rad(np.array([[-20.0, 0.0, 20.0], [-10.0, 0.0, 10.0], [-5.0,
 PLACE_BINS, PLACE_HALVES = 8, 2
 #: Widest stripe or joint that may look like a step. [bins]
 STRIPE_BINS = 7
-#: Road differs from road, patched or worn, by a tenth of its level or the noise of a point, one and a half times as a
-#: standard deviation; verges by up to eight times that. Asphalt that was laid at different times differs by 10 to 20 %,
-#: grass from asphalt by 50 % and more in near infrared.
-ALBEDO_SHARE, PATCHES_DIFFER, VERGES_DIFFER = 0.1, 1.5, 8.0
+#: Road differs from road, patched or worn, by a tenth of its level or the noise of a point, twice as a standard
+#: deviation; verges by up to eight times that. Asphalt that was laid at different times differs by 10 to 30 %, grass from
+#: asphalt by 50 % and more in near infrared.
+ALBEDO_SHARE, PATCHES_DIFFER, VERGES_DIFFER = 0.1, 2.0, 8.0
 #: Sums of a bin: points, brightness and its square; columns of a step: clearness, place [m], half width [m], levels beyond
 #: and before it, noise, standard deviation of the place [m].
 _N, _I, _II = range(3)
@@ -104,8 +104,7 @@ def brightness_step_in_cell(
     if not is_sparse or not data.near_road[box_cell_at(data.span, x, y)]:
         return BOX_ALL_ROAD
     reach = math.hypot(STEP_REACH_M, STEP_HALF_LENGTH_M)
-    n = gather_at(data.points, data.starts, data.span, place, reach, floor.plane, MOST_PLACE_POINTS, work)
-    n = _near_plane(work, n)
+    n = _near_plane(work, gather_ground(data, place, reach, floor.plane, MOST_PLACE_POINTS, work))
     if n < 4 * SIDE_POINTS:
         return BOX_HOLE
     vx, vy = _towards_dark(work, n)
