@@ -183,6 +183,9 @@ def find_changes(now: Joining) -> Joining:
 
 def face_the_road(now: Joining) -> Joining:
     """Turn the steps whose road lies on their upper side: a verge may be lower than the pavement."""
+    if all(b.form != "kerb" for b in now.boundaries):
+        return replace(now, kerbs=[], boundaries=list(now.boundaries))
+    # What is painted tells on which side of a kerb the road is
     stripes = now.boxes[BoxForm.STRIPE]
     tracks = track_lines(stripes, now.config, width_m=SAME_PAINT_BOXES_M)
     lanes, _ = marking_lines.marking_lines(stripes, tracks, now.is_visible)
