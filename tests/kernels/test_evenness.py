@@ -22,7 +22,7 @@ def beside(height, *, per_m2=60.0, noise_m=0.0, form=places.EDGE, turned=False, 
     )
     box = np.zeros((1, places.COLUMNS))
     box[0, [places.BOX_X, places.BOX_Y, places.BOX_UX, places.FORM]] = 6.1, 6.2, -1.0 if turned else 1.0, form
-    sums = floor.cell_sums(points, starts, span, np.zeros(0, dtype=np.bool_))
+    sums = floor.cell_sums(points, starts, span)
     return unevenness_beside(sums, span, box)[0]
 
 

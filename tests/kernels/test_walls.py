@@ -21,7 +21,7 @@ def cells_of(xyz):
     points, _, starts = floor.sort_by_cell(
         xyz, np.zeros(len(xyz), dtype=np.float32), np.zeros(3), col, row, span
     )
-    sums = floor.cell_sums(points, starts, span, np.zeros(0, dtype=np.bool_))
+    sums = floor.cell_sums(points, starts, span)
     is_wall, on_ground = points_of_walls(points, starts, span)
     facets = floor.facets_of(sums, span)
     return FloorCells(

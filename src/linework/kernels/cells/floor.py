@@ -167,34 +167,69 @@ def sort_by_cell(
 
 
 @njit(cache=True, nogil=True)
-def cell_sums(points: FloatArray, starts: IntArray, span: IntArray, left_out: BoolArray) -> FloatArray:
+def cell_sums(points: FloatArray, starts: IntArray, span: IntArray) -> FloatArray:
     """Return the sums over the points of each fine cell, (cells, 11), x and y from its centre.
 
-    Columns `SUM_N` to `SUM_STRENGTH`; the first three arguments are what `sort_by_cell` returns, and its `span`;
-    left_out: which points (n,) are, or (0,) for none.
+    Columns `SUM_N` to `SUM_STRENGTH`; the arguments are what `sort_by_cell` returns, and its `span`.
     """
-    sums = np.zeros((len(starts) - 1, SUM_COLUMNS))
-    n_cols = span[SPAN_COLS]
+    sums, left_out = np.zeros((len(starts) - 1, SUM_COLUMNS)), np.zeros(0, dtype=np.bool_)
     for b in range(len(starts) - 1):
-        x0 = (span[SPAN_WEST] + b % n_cols + 0.5) * FINE_M
-        y0 = (span[SPAN_SOUTH] + b // n_cols + 0.5) * FINE_M
-        s = sums[b]
-        for i in range(starts[b], starts[b + 1]):
-            if len(left_out) > 0 and left_out[i]:
-                continue
-            x, y, z = points[i, 0] - x0, points[i, 1] - y0, points[i, 2]
-            s[SUM_N] += 1.0
-            s[SUM_X] += x
-            s[SUM_Y] += y
-            s[SUM_Z] += z
-            s[SUM_XX] += x * x
-            s[SUM_XY] += x * y
-            s[SUM_YY] += y * y
-            s[SUM_XZ] += x * z
-            s[SUM_YZ] += y * z
-            s[SUM_ZZ] += z * z
-            s[SUM_STRENGTH] += points[i, 3]
+        if starts[b + 1] > starts[b]:
+            _sum_up(points, starts, span, b, left_out, sums)
     return sums
+
+
+@njit(cache=True, nogil=True)
+def sums_without(
+    sums: FloatArray,
+    points: FloatArray,
+    starts: IntArray,
+    span: IntArray,
+    left_out: BoolArray,
+    starts_without: IntArray,
+) -> FloatArray:
+    """Return the sums of fine cells (cells, 11) as `cell_sums` does, without some of the points.
+
+    Parameters
+    ----------
+    sums
+        (cells, 11) of all points, as `cell_sums` returns them.
+    points, starts, span
+        As for `cell_sums`.
+    left_out
+        (n,): which points are left out.
+    starts_without
+        (cells + 1,) int64: the number of points before each cell that are not.
+    """
+    out = sums.copy()
+    for b in range(len(starts) - 1):
+        if starts_without[b + 1] - starts_without[b] != starts[b + 1] - starts[b]:
+            _sum_up(points, starts, span, b, left_out, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _sum_up(
+    points: FloatArray, starts: IntArray, span: IntArray, b: int, left_out: BoolArray, sums: FloatArray
+) -> None:
+    """Write the sums of one fine cell; left_out: which points (n,) are, or (0,) for none.
+
+    Sums in registers: read back from memory for every point they take longer.
+    """
+    x0 = (span[SPAN_WEST] + b % span[SPAN_COLS] + 0.5) * FINE_M
+    y0 = (span[SPAN_SOUTH] + b // span[SPAN_COLS] + 0.5) * FINE_M
+    n = sx = sy = sz = xx = xy = yy = xz = yz = zz = strength = 0.0
+    for i in range(starts[b], starts[b + 1]):
+        if len(left_out) > 0 and left_out[i]:
+            continue
+        x, y, z = points[i, 0] - x0, points[i, 1] - y0, points[i, 2]
+        n, sx, sy, sz, strength = n + 1.0, sx + x, sy + y, sz + z, strength + points[i, 3]
+        xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+        xz, yz, zz = xz + x * z, yz + y * z, zz + z * z
+    sums[b, SUM_N], sums[b, SUM_X], sums[b, SUM_Y], sums[b, SUM_Z] = n, sx, sy, sz
+    sums[b, SUM_XX], sums[b, SUM_XY], sums[b, SUM_YY] = xx, xy, yy
+    sums[b, SUM_XZ], sums[b, SUM_YZ], sums[b, SUM_ZZ] = xz, yz, zz
+    sums[b, SUM_STRENGTH] = strength
 
 
 @njit(cache=True, nogil=True)

@@ -103,12 +103,12 @@ class FloorPoints:
         no_strength = np.zeros(len(points), dtype=np.float32)
         strength = no_strength if points.intensity is None else points.intensity
         local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
-        sums = floor.cell_sums(local, starts, span, np.zeros(0, dtype=np.bool_))
+        sums = floor.cell_sums(local, starts, span)
         near_road = steps_to_set(surface.is_road, NEAR_CELLS) <= NEAR_CELLS
         of_cells = _at_cells(near_road, g.cell_width_m, west, north, span)
         # Floors are those of the ground alone
         is_wall, on_ground = points_of_walls(local, starts, span)
-        of_ground = floor.cell_sums(local, starts, span, is_wall) if is_wall.any() else sums
+        of_ground = floor.sums_without(sums, local, starts, span, is_wall, on_ground)
         facets = floor.facets_of(of_ground, span)
         data = FloorCells(local, starts, span, sums, facets, of_cells, is_wall, on_ground)
         time_s = np.zeros(0) if points.time_s is None else points.time_s
