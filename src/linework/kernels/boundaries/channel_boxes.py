@@ -33,6 +33,7 @@ from linework.kernels.boundaries.profiles import (
     LEAST_FLOOR_NOISE_M,
     LEAST_VV,
     N_PROFILE_BINS,
+    PLACE_COLUMNS,
     PLACE_R,
     PLACE_X,
     PLACE_Y,
@@ -247,7 +248,8 @@ def ground_across(
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
         work[i, PLACE_R] -= a + b * (x * vy - y * vx) + c * (x * vx + y * vy)
         if abs(work[i, PLACE_R]) <= NEAR_SLOPE_M:
-            work[near] = work[i]
+            for k in range(PLACE_COLUMNS):
+                work[near, k] = work[i, k]
             near += 1
     through = plane.copy()
     through[PLANE_HEIGHT] += a

@@ -85,17 +85,20 @@ DARK_STRIP_M, CLEARLY = 0.10, 2.0
 
 
 @njit(cache=True, nogil=True)
-def _spread_of(sums: FloatArray, a: int, b: int, v: float) -> tuple[float, float, float, float, float]:
-    """Return points, variances of height and brightness, height at `v` and mean brightness of the bins a to b - 1."""
+def _heights_of(sums: FloatArray, a: int, b: int, v: float) -> tuple[float, float, float]:
+    """Return points, 0 where they are too few, variance of their heights and height at `v` of the bins a to b - 1."""
     n, left, z, _ = line_through(sums, a, b, v)
     if n < SIDE_POINTS:
-        return 0.0, 1.0, 1.0, 0.0, 0.0
+        return 0.0, 1.0, 0.0
+    return n, left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2, z
+
+
+@njit(cache=True, nogil=True)
+def _brightness_of(sums: FloatArray, a: int, b: int, n: float) -> tuple[float, float]:
+    """Return variance and mean of the brightness of the n points of the bins a to b - 1."""
     bright = (sums[b, BIN_I] - sums[a, BIN_I]) / n
-    square = max((sums[b, BIN_II] - sums[a, BIN_II]) / n - bright * bright, 0.0) + least_bright_variance(
-        bright
-    )
-    heights = left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2
-    return n, heights, square, z, bright
+    square = max((sums[b, BIN_II] - sums[a, BIN_II]) / n - bright * bright, 0.0)
+    return square + least_bright_variance(bright), bright
 
 
 @njit(cache=True, nogil=True)
@@ -211,16 +214,18 @@ def strip_beyond(
     Then the edge is that of the paint, and the verge begins behind the strip. An axis that is turned mixes paint, strip and
     verge to one brightness, so that it is asked at all turns.
     """
-    v = edge[EDGE_V]
-    k = int(v / step + 0.5 * N_PROFILE_BINS + 0.5)
+    k = int(edge[EDGE_V] / step + 0.5 * N_PROFILE_BINS + 0.5)
     width = max(int(DARK_STRIP_M / step + 0.5), 1)
     for turn in STRIP_TURNS:
         x = edge[EDGE_VX] * np.cos(turn) - edge[EDGE_VY] * np.sin(turn)
         y = edge[EDGE_VX] * np.sin(turn) + edge[EDGE_VY] * np.cos(turn)
         bin_sums_across(work, n, x, y, half_u, step, sums)
-        n_a, _, _, _, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
-        n_b, _, i_b, _, b_b = _spread_of(sums, FAR_BIN, k, v)
-        if n_a == 0.0 or n_b == 0.0 or b_b <= b_a:
+        n_a, n_b = sums[N_PROFILE_BINS, BIN_N] - sums[k, BIN_N], sums[k, BIN_N] - sums[FAR_BIN, BIN_N]
+        if n_a < SIDE_POINTS or n_b < SIDE_POINTS:
+            continue
+        _, b_a = _brightness_of(sums, k, N_PROFILE_BINS, n_a)
+        i_b, b_b = _brightness_of(sums, FAR_BIN, k, n_b)
+        if b_b <= b_a:
             continue
         level, is_paint = 0.5 * (b_a + b_b), False
         for a in range(k, FAR_BIN + width - 1, -1):
@@ -232,6 +237,27 @@ def strip_beyond(
                 return True
             is_paint = is_paint or over > 0.0
     return False
+
+
+@njit(cache=True, nogil=True)
+def _two_levels(
+    sums: FloatArray, k: int, numbers: tuple[float, float, float], i: float
+) -> tuple[float, float]:
+    """Return how much clearer two levels of brightness are than one that slopes, 0 for no two levels; and their ratio.
+
+    One brightness there and another here, not a stripe of paint on one side. numbers: of all points, and of those on both
+    sides of bin k; i: variance about the slope.
+    """
+    n, n_a, n_b = numbers
+    i_a, b_a = _brightness_of(sums, k, N_PROFILE_BINS, n_a)
+    i_b, b_b = _brightness_of(sums, FAR_BIN, k, n_b)
+    if (
+        b_b <= b_a
+        or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
+        or not is_steady(sums, k, 0.5 * (b_a + b_b), True)
+    ):
+        return 0.0, 1.0
+    return float(n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)), float(b_b / max(b_a, 1e-6))
 
 
 @njit(cache=True, nogil=True)
@@ -257,15 +283,15 @@ def split_in(
     """
     out[:] = 0.0
     gains[:] = 0.0
-    n, r, _, _, _ = _spread_of(sums, FAR_BIN, N_PROFILE_BINS, 0.0)
+    n, r, _ = _heights_of(sums, FAR_BIN, N_PROFILE_BINS, 0.0)
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    i, stripe = sloping_variance(sums, 0, 0), stripe_in(sums, step) if by == BY_BOTH else (0, 0)
+    i, stripe = sloping_variance(sums, 0, 0) if by == BY_BRIGHTNESS else 0.0, (-1, -1)
     for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
-        n_a, r_a, i_a, z_a, b_a = _spread_of(sums, k, N_PROFILE_BINS, v)
-        n_b, r_b, i_b, z_b, b_b = _spread_of(sums, FAR_BIN, k, v)
+        n_a, r_a, z_a = _heights_of(sums, k, N_PROFILE_BINS, v)
+        n_b, r_b, z_b = _heights_of(sums, FAR_BIN, k, v)
         if n_a == 0.0 or n_b == 0.0:
             continue
         gain, contrast = 0.0, 1.0
@@ -278,18 +304,15 @@ def split_in(
             if stride > 1 and gain < 0.5 * CLEAR_SPLIT:
                 continue
             if by == BY_BOTH:
+                # Sought once, where a break asks for it: in most profiles none is clear enough
+                stripe = stripe_in(sums, step) if stripe[0] < 0 else stripe
+                b_b = _brightness_of(sums, FAR_BIN, k, n_b)[1]
                 brighter, level = brightness_gain(sums, k, b_b, stripe)
                 gain, contrast = gain + brighter, b_b / max(level, 1e-6)
-        # One brightness there and another here, not a stripe of paint on one side
-        elif (
-            k < FAR_BIN + WIDE_BINS
-            or b_b <= b_a
-            or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
-            or not is_steady(sums, k, 0.5 * (b_a + b_b), True)
-        ):
+        elif k < FAR_BIN + WIDE_BINS:
             continue
         else:
-            gain, contrast = n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b), b_b / max(b_a, 1e-6)
+            gain, contrast = _two_levels(sums, k, (n, n_a, n_b), i)
         gains[k] = gain
         if gain > out[EDGE_CLEAR]:
             out[EDGE_CLEAR], out[EDGE_V] = gain, v

@@ -394,16 +394,19 @@ def fit_side(
     a, spread = first
     soft_u, soft_v = soft
     b = c = count = 0.0
+    # Points in the window, chosen once for all rounds: u, v, r
+    side, k = np.empty((n + 1, 3)), 0
+    for i in range(n):
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        v, u = x * vx + y * vy, x * vy - y * vx
+        side[k, 0], side[k, 1], side[k, 2] = u, v, work[i, PLACE_R]
+        k += int((v >= v_low) & (v <= v_high) & (abs(u) <= u_most))
     for _ in range(N_ROUNDS):
         # Weighted sums
         m = su = sv = sr = suu = suv = svv = sur = svr = srr = 0.0
         count = 0.0
-        for i in range(n):
-            x, y = work[i, PLACE_X], work[i, PLACE_Y]
-            v, u = x * vx + y * vy, x * vy - y * vx
-            if v < v_low or v > v_high or abs(u) > u_most:
-                continue
-            r = work[i, PLACE_R]
+        for i in range(k):
+            u, v, r = side[i, 0], side[i, 1], side[i, 2]
             off = r - a - b * u - c * v
             w = max(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
             count += 1.0 if w > 0.0 else 0.0

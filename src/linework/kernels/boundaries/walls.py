@@ -111,7 +111,7 @@ def _fill_parts(
         corner = _corner(span, r, c)
         sums[:] = 0.0
         for i in range(starts[k], starts[k + 1]):
-            a, b = _part(points[i], corner)
+            a, b = _part(points[i, PLACE_X], points[i, PLACE_Y], corner)
             z = points[i, PLACE_R] - points[starts[k], PLACE_R]
             counts[a, at + b] += 1.0
             sums[a, b, 0] += z
@@ -145,7 +145,7 @@ def _mark(
         for b in range(1, _WIDE - 1):
             upright[a, b] = dense[a, b] and np.count_nonzero(dense[a - 1 : a + 2, b - 1 : b + 2]) > 1
     for k in range(which[0], which[1]):
-        a, b = _part(points[k], corner)
+        a, b = _part(points[k, PLACE_X], points[k, PLACE_Y], corner)
         a, b = a + WALL_PARTS, b + WALL_PARTS
         is_wall[k] = upright[a - 1 : a + 2, b - 1 : b + 2].any()
 
@@ -157,11 +157,11 @@ def _corner(span: IntArray, r: int, c: int) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def _part(point: FloatArray, corner: tuple[float, float]) -> tuple[int, int]:
+def _part(x: float, y: float, corner: tuple[float, float]) -> tuple[int, int]:
     """Return row and column of the part of a cell that a point lies in."""
     most = WALL_PARTS - 1
-    a = int((point[PLACE_Y] - corner[1]) * WALL_PARTS / FINE_M)
-    b = int((point[PLACE_X] - corner[0]) * WALL_PARTS / FINE_M)
+    a = int((y - corner[1]) * WALL_PARTS / FINE_M)
+    b = int((x - corner[0]) * WALL_PARTS / FINE_M)
     return min(max(a, 0), most), min(max(b, 0), most)
 
 

@@ -84,7 +84,8 @@ def even_out(work: FloatArray, n: int) -> tuple[int, float, float]:
         v = visit_of(work[i, POINT_TIME], spans, m) if m > 1 else 0
         if counts[v] >= LEAST_VISIT:
             if kept < i:
-                work[kept] = work[i]
+                for k in range(POINT_COLUMNS):
+                    work[kept, k] = work[i, k]
             if lowest > 0.0:
                 work[kept, POINT_INTENSITY] /= levels[v]
             kept += 1
