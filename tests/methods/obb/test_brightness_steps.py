@@ -26,13 +26,13 @@ CORNER = np.array([600_020.0, 5_400_020.0, 100.0])
 ROAD, GRASS, NOISE = 26_000.0, 40_000.0, 2_000.0
 
 
-def seen_from_the_air(level_of, *, per_m2=20.0, seed=1) -> BoxSet:
+def seen_from_the_air(level_of, *, per_m2=20.0, spot_m=0.12, seed=1) -> BoxSet:
     """Boxes on level ground of 30 by 16 m, 4 cm of noise, with the brightness at each v of the cross profile."""
     rng = np.random.default_rng(seed)
     n = int(30 * 16 * per_m2)
     uvh = np.column_stack([rng.uniform(0, 30, n), rng.uniform(-8, 8, n), rng.normal(0, 0.04, n)])
     # The spot of the beam
-    intensity = level_of(uvh[:, 1] + rng.normal(0, 0.12, n)) + rng.normal(0, NOISE, n)
+    intensity = level_of(uvh[:, 1] + rng.normal(0, spot_m, n)) + rng.normal(0, NOISE, n)
     points = Points(uvh + CORNER, intensity=intensity.astype(np.float32))
     ground = find_ground(points, None, RoadConfig())
     tile = TileData("t", points.bounds, points, surface=ground, origin=(600_000.0, 5_400_000.0, 0.0))
@@ -85,6 +85,17 @@ def test_a_verge_of_two_levels_begins_at_the_first():
     assert np.median(np.abs(near)) < 0.12
 
 
+def test_an_edge_line_at_the_end_of_a_pavement_belongs_to_the_road():
+    def level_of(v):
+        return np.where(v > 0.0, ROAD, np.where(v > -0.35, 52_000.0, GRASS))
+
+    boxes = seen_from_the_air(level_of, spot_m=0.03)
+    off = across(boxes.take((boxes.form == BoxForm.EDGE) & (boxes.score > 0.5)))
+    near = off[np.abs(off + 0.2) < 0.5]
+    assert len(near) >= 20
+    assert np.median(near) == pytest.approx(-0.35, abs=0.12)
+
+
 def profile(*levels_of_bins):
     """Running sums of a profile with five points a bin, which differ by 200."""
     bins = np.zeros((STEP_BINS + 1, 3))
@@ -109,5 +120,5 @@ def test_the_place_of_a_step_is_that_of_the_profile():
 
 def test_road_beside_road_differs_by_little():
     assert chance_of_verge(1100.0, 1000.0, 20.0) < 0.3
-    assert chance_of_verge(1500.0, 1000.0, 100.0) > 0.9
+    assert chance_of_verge(1550.0, 1000.0, 100.0) > 0.9
     assert chance_of_verge(1500.0, 1000.0, 400.0) < 0.3

@@ -265,7 +265,7 @@ def boxes_in_cells(
                 continue
             if (
                 known == BOX_FOUND
-                and brightness_step_in_cell(data, (x, y), around.floor, scratch, out[n]) == BOX_FOUND
+                and brightness_step_in_cell(data, (x, y), around.floor, slopes, scratch, out[n]) == BOX_FOUND
             ):
                 # Instead of an edge that is no surer
                 if n > before:

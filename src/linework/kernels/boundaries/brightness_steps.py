@@ -13,14 +13,15 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.edge_boxes import VERGE_STEP_M
+from linework.kernels.boundaries.edge_boxes import VERGE_STEP_M, differs
 from linework.kernels.boundaries.kerbs.boxes import box_cell_at
-from linework.kernels.boundaries.pavement_edges import CLEAR_SPLIT, NEW_SHARE, SIDE_POINTS
+from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, CLEAR_SPLIT, NEW_SHARE, SIDE_POINTS
 from linework.kernels.boundaries.profiles import (
     CLIP_M,
     FLOOR_SOFT,
     LEAST_BOX_M,
     MOST_PLACE_POINTS,
+    PLACE_COLUMNS,
     PLACE_INTENSITY,
     PLACE_R,
     PLACE_X,
@@ -90,7 +91,12 @@ STEP_CLEAR, STEP_V, STEP_HALF, STEP_BRIGHT, STEP_DARK, STEP_NOISE, STEP_SIGMA = 
 
 @njit(cache=True, nogil=True)
 def brightness_step_in_cell(
-    data: FloorCells, place: tuple[float, float], floor: LocalFloor, scratch: PlaceScratch, box: FloatArray
+    data: FloorCells,
+    place: tuple[float, float],
+    floor: LocalFloor,
+    slopes: FloatArray,
+    scratch: PlaceScratch,
+    box: FloatArray,
 ) -> int:
     """Find a step from road to brighter ground in the cell about `place`; write the box, return `BOX_FOUND` or why not.
 
@@ -98,10 +104,10 @@ def brightness_step_in_cell(
     """
     work = scratch.work
     x, y = place
-    is_sparse = (
-        count_near(data.starts, data.span, place, STEP_REACH_M) < MOST_PER_M2 * (2.0 * STEP_REACH_M) ** 2
-    )
-    if not is_sparse or not data.near_road[box_cell_at(data.span, x, y)]:
+    # What is a step over some metres is a slope here
+    if not data.near_road[box_cell_at(data.span, x, y)] or not differs(slopes, floor.noise, BY_BRIGHTNESS):
+        return BOX_ALL_ROAD
+    if count_near(data.starts, data.span, place, STEP_REACH_M) >= MOST_PER_M2 * (2.0 * STEP_REACH_M) ** 2:
         return BOX_ALL_ROAD
     reach = math.hypot(STEP_REACH_M, STEP_HALF_LENGTH_M)
     n = _near_plane(work, gather_ground(data, place, reach, floor.plane, MOST_PLACE_POINTS, work))
@@ -165,7 +171,9 @@ def _near_plane(work: FloatArray, n: int) -> int:
     m = 0
     for i in range(n):
         if abs(work[i, PLACE_R]) <= CLIP_M:
-            work[m] = work[i]
+            # A row as a view of it costs two locked instructions
+            for k in range(PLACE_COLUMNS):
+                work[m, k] = work[i, k]
             m += 1
     return m
 
@@ -258,10 +266,52 @@ def place_of_step(bins: FloatArray, out: FloatArray) -> None:
             total += likely
             mean += likely * v
             square += likely * v * v
-    if total > 0.0:
-        mean /= total
-        out[STEP_V] = mean
-        out[STEP_SIGMA] = math.sqrt(max(square / total - mean * mean, 0.0) + STEP_BIN_M**2 / 12.0)
+    if total == 0.0:
+        return
+    mean /= total
+    out[STEP_V] = mean
+    out[STEP_SIGMA] = math.sqrt(max(square / total - mean * mean, 0.0) + STEP_BIN_M**2 / 12.0)
+    _behind_paint(bins, (first, last), out)
+
+
+@njit(cache=True, nogil=True)
+def _behind_paint(bins: FloatArray, of: tuple[int, int], out: FloatArray) -> None:
+    """Set a step back behind a stripe of paint that is brighter than the road and than what lies beyond it.
+
+    An edge line at the end of a pavement is the steepest rise, and belongs to the road. Parameters as for `place_of_step`;
+    of: first and last of the bins that count.
+    """
+    first, last = of
+    n = bins[last, _N] - bins[first, _N]
+    step = min(max(int((out[STEP_V] + STEP_REACH_M) / STEP_BIN_M + 0.5), first + 1), last - 1)
+    without = max(_squares(bins, first, step) + _squares(bins, step, last), 1e-12)
+    most, edge = 0.5 * CLEAR_SPLIT, -1
+    for b in range(max(step - STRIPE_BINS // 2, first + 3), min(step + STRIPE_BINS // 2, last - 1)):
+        for a in range(max(b - STRIPE_BINS, first + 1), b - 1):
+            inside, beyond, before = _mean(bins, a, b), _mean(bins, first, a), _mean(bins, b, last)
+            if inside <= beyond or inside <= before:
+                continue
+            left = _squares(bins, first, a) + _squares(bins, a, b) + _squares(bins, b, last)
+            gain = n * math.log(without / max(left, 1e-9 * without))
+            if gain > most:
+                most, edge = gain, a
+    if edge >= 0:
+        out[STEP_V] = edge * STEP_BIN_M - STEP_REACH_M
+        out[STEP_BRIGHT] = _mean(bins, first, edge)
+
+
+@njit(cache=True, nogil=True)
+def _mean(bins: FloatArray, a: int, b: int) -> float:
+    """Return the mean brightness of the bins a to b - 1, 0 without points."""
+    n = bins[b, _N] - bins[a, _N]
+    return float((bins[b, _I] - bins[a, _I]) / n) if n > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _squares(bins: FloatArray, a: int, b: int) -> float:
+    """Return the sum of squares of the brightness about its mean in the bins a to b - 1."""
+    n, total = bins[b, _N] - bins[a, _N], bins[b, _I] - bins[a, _I]
+    return float(max(bins[b, _II] - bins[a, _II] - (total * total / n if n > 0.0 else 0.0), 0.0))
 
 
 @njit(cache=True, nogil=True)
