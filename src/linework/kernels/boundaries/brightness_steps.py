@@ -86,7 +86,7 @@ ALBEDO_SHARE, PATCHES_DIFFER, VERGES_DIFFER = 0.1, 2.0, 8.0
 #: Sums of a bin: points, brightness and its square; columns of a step: clearness, place [m], half width [m], levels beyond
 #: and before it, noise, standard deviation of the place [m].
 _N, _I, _II = range(3)
-STEP_CLEAR, STEP_V, STEP_HALF, STEP_BRIGHT, STEP_DARK, STEP_NOISE, STEP_SIGMA = range(7)
+STEP_CLEAR, STEP_V, STEP_HALF, STEP_BRIGHT, STEP_DARK, STEP_SPREAD, STEP_SIGMA = range(7)
 
 
 @njit(cache=True, nogil=True)
@@ -149,7 +149,7 @@ def brightness_step_in_cell(
     box[S_V], box[S_U] = best[STEP_SIGMA], best[STEP_SIGMA] / (2.0 * UNIFORM_SIGMA * STEP_HALF_LENGTH_M)
     box[S_Z] = 2.0 * noise / np.sqrt(count)
     clear = 1.0 / (1.0 + math.exp(-0.5 * NEW_SHARE * best[STEP_CLEAR]))
-    box[SCORE] = clear * chance_of_verge(best[STEP_BRIGHT], best[STEP_DARK], best[STEP_NOISE])
+    box[SCORE] = clear * chance_of_verge(best[STEP_BRIGHT], best[STEP_DARK], best[STEP_SPREAD])
     box[FORM], box[BOX_STEP], box[TOP_V], box[COUNT] = EDGE, rise, np.nan, count + n_beyond
     return BOX_FOUND
 
@@ -237,7 +237,7 @@ def step_of_brightness(bins: FloatArray, out: FloatArray) -> None:
             left, bright, dark = _left_by_step(bins, (0, STEP_BINS), v, half)
             if bright > dark and n * math.log(other / left) > out[STEP_CLEAR]:
                 out[STEP_CLEAR], out[STEP_V], out[STEP_HALF] = n * math.log(other / left), v, half
-                out[STEP_BRIGHT], out[STEP_DARK], out[STEP_NOISE] = bright, dark, math.sqrt(left / n)
+                out[STEP_BRIGHT], out[STEP_DARK], out[STEP_SPREAD] = bright, dark, math.sqrt(left / n)
 
 
 @njit(cache=True, nogil=True)

@@ -18,7 +18,7 @@ from linework.methods.tracking.smooth import SmoothLine
 
 #: Longest arrow or letter [m]: 7.5 m where traffic is fast. Symbols of a lane that are repeated are read apart: farther from
 #: each other than the longest of them is. [m]
-LONGEST_SYMBOL_M, LEAST_APART_M = 7.5, 10.0
+LONGEST_SYMBOL_M, SYMBOLS_APART_M = 7.5, 10.0
 #: Dashes that period, phase and length are fitted to.
 FREE_DASHES = 3
 #: Why pieces of paint are more likely in a row by chance than one line.
@@ -75,7 +75,7 @@ def odds_of_line(
     # Three dashes make a period; that each further one lies in its place would be chance without a line
     in_place = max(len(dashes) - FREE_DASHES, 0) * math.log(rhythm.period_m / rhythm.dash_m)
     by_chance = in_rows + log_odds(len(dashes), missing) + in_place
-    if lane_sides > 1 and rhythm.period_m >= LEAST_APART_M:
+    if lane_sides > 1 and rhythm.period_m >= SYMBOLS_APART_M:
         prior = ROW_LOG_ODDS
     elif _are_repeated_farther(dashes, rhythm):
         prior = -ROW_LOG_ODDS
