@@ -99,3 +99,18 @@ def test_where_a_wall_is_near():
     data = cells_of(np.concatenate([ground(rng), wall(rng, 0.0)]))
     assert has_wall(data, (3.0, 3.9), 0.05) and has_wall(data, (3.0, 3.2), 0.9)
     assert not has_wall(data, (3.0, 3.8), 0.05) and not has_wall(data, (3.0, 2.0), 0.9)
+
+
+def test_sums_without_walls_are_those_of_the_other_points():
+    rng = np.random.default_rng(3)
+    data = cells_of(np.concatenate([ground(rng), wall(rng)]))
+    assert data.is_wall.any()
+    # A cell of walls alone, too
+    left_out = data.is_wall.copy()
+    cell = int(np.flatnonzero(np.diff(data.starts) > 0)[5])
+    left_out[data.starts[cell] : data.starts[cell + 1]] = True
+    before = np.concatenate([[0], np.cumsum(~left_out)])[data.starts]
+    found = floor.sums_without(data.sums, data.points, data.starts, data.span, left_out, before)
+    kept = data.points[~left_out]
+    np.testing.assert_array_equal(found, floor.cell_sums(kept, before, data.span))
+    assert found[cell, floor.SUM_N] == 0.0

@@ -8,6 +8,7 @@ import pytest
 from linework.kernels.boundaries.brightness_steps import (
     STEP_BIN_M,
     STEP_BINS,
+    STEP_BRIGHT,
     STEP_CLEAR,
     STEP_REACH_M,
     STEP_SIGMA,
@@ -96,12 +97,12 @@ def test_an_edge_line_at_the_end_of_a_pavement_belongs_to_the_road():
     assert np.median(near) == pytest.approx(-0.35, abs=0.12)
 
 
-def profile(*levels_of_bins):
-    """Running sums of a profile with five points a bin, which differ by 200."""
+def profile(*levels_of_bins, hole=False):
+    """Running sums of a profile with five points a bin, which differ by 200; none in a hole."""
     bins = np.zeros((STEP_BINS + 1, 3))
     level = np.array(levels_of_bins)[:, None] + np.array([-200.0, -100.0, 0.0, 100.0, 200.0])
     rows = np.column_stack([np.full(STEP_BINS, 5.0), level.sum(axis=1), (level**2).sum(axis=1)])
-    bins[1:] = np.cumsum(rows, axis=0)
+    bins[1:] = np.cumsum(np.where(np.broadcast_to(hole, STEP_BINS)[:, None], 0.0, rows), axis=0)
     return bins
 
 
@@ -118,7 +119,35 @@ def test_the_place_of_a_step_is_that_of_the_profile():
     assert out[STEP_CLEAR] < 24.0
 
 
+def test_a_hole_beyond_the_edge_does_not_move_it():
+    at = (np.arange(STEP_BINS) + 0.5) * STEP_BIN_M - STEP_REACH_M
+    for near, far in ((-0.5, -1.0), (-0.1, -1.0), (-0.1, -0.6)):
+        bins, out = (
+            profile(*np.where(at > 0.0, 26_000.0, 40_000.0), hole=(at > far) & (at < near)),
+            np.zeros(7),
+        )
+        step_of_brightness(bins, out)
+        assert place_of_step(bins, out)
+        assert abs(out[STEP_V]) < 0.45 and out[STEP_SIGMA] > 0.0
+        assert out[STEP_BRIGHT] == pytest.approx(40_000.0, rel=0.05)
+
+
+def test_a_step_within_a_hole_has_no_place():
+    at = (np.arange(STEP_BINS) + 0.5) * STEP_BIN_M - STEP_REACH_M
+    bins, out = profile(*np.where(at > 0.0, 1000.0, 2000.0), hole=np.abs(at) < 0.7), np.zeros(7)
+    step_of_brightness(bins, out)
+    assert not place_of_step(bins, out)
+
+
+def test_dense_points_are_left_to_usual_search_areas():
+    found = seen_from_the_air(lambda v: np.where(v > 0.0, ROAD, GRASS), per_m2=150.0)
+    assert np.all(found.half_u_m[found.form == BoxForm.EDGE] <= 0.25)
+    sparse = sure_edges(seen_from_the_air(lambda v: np.where(v > 0.0, ROAD, GRASS)))
+    assert np.median(sparse.half_u_m) > 0.3, "as long as other boxes among so few points"
+
+
 def test_road_beside_road_differs_by_little():
+    assert chance_of_verge(900.0, 1000.0, 20.0) < 0.4
     assert chance_of_verge(1100.0, 1000.0, 20.0) < 0.3
     assert chance_of_verge(1550.0, 1000.0, 100.0) > 0.9
     assert chance_of_verge(1500.0, 1000.0, 400.0) < 0.3

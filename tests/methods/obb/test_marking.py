@@ -10,7 +10,8 @@ from tests.scenes.box_scenes import boxes_on, everything_seen, straight
 from tests.scenes.paint_scenes import Stripe, in_scene, level_surface, road_points, tile_of
 
 from linework.arrays import FloatArray
-from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.kernels.paint import stripes
+from linework.methods.obb.marking import MarkingConfig, chance_by_sides, find_marking_boxes
 from linework.methods.tracking import marking_lines
 from linework.methods.tracking.against_paint import ON_STEP
 from linework.methods.tracking.track import TrackConfig, track_lines
@@ -165,6 +166,18 @@ def test_an_edge_line_beside_a_shoulder_is_found_where_points_are_far_apart(rng:
         found.append(int(np.sum(np.abs(line.across(in_scene(boxes.centre))) < 0.15)))
     # From near by the two sides are known to differ: it may be the stone between them
     assert found[0] >= 12 and found[1] <= 4
+
+
+def test_what_two_sides_say_depends_on_noise_and_spacing() -> None:
+    def chance(sides: float, t: float, spacing_m: float) -> float:
+        row = np.zeros((1, stripes.STRIPE_COLUMNS))
+        row[0, [stripes.STRIPE_SIDES, stripes.STRIPE_T, stripes.STRIPE_SPACING]] = sides, t, spacing_m
+        return float(chance_by_sides(row)[0])
+
+    assert chance(0.0, 20.0, 0.05) > 0.95
+    assert chance(0.6, 20.0, 0.05) < 0.3 < chance(0.6, 3.0, 0.05), "noise"
+    assert chance(0.6, 20.0, 0.25) > 0.8, "farther apart than an edge line is from the end of the road"
+    assert chance(0.3, 20.0, 0.05) > chance(0.4, 20.0, 0.05) > chance(0.5, 20.0, 0.05)
 
 
 def test_a_bright_kerb_is_no_paint(rng: np.random.Generator) -> None:

@@ -15,7 +15,13 @@ from numba import njit
 from linework.arrays import FloatArray
 from linework.kernels.boundaries.edge_boxes import VERGE_STEP_M, differs
 from linework.kernels.boundaries.kerbs.boxes import box_cell_at
-from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, CLEAR_SPLIT, NEW_SHARE, SIDE_POINTS
+from linework.kernels.boundaries.pavement_edges import (
+    BY_BRIGHTNESS,
+    CLEAR_SPLIT,
+    NEW_SHARE,
+    SIDE_POINTS,
+    STEADY_POINTS,
+)
 from linework.kernels.boundaries.profiles import (
     CLIP_M,
     FLOOR_SOFT,
@@ -37,7 +43,9 @@ from linework.kernels.boundaries.profiles import (
     fit_side,
 )
 from linework.kernels.boundaries.walls import gather_ground
+from linework.kernels.cells.floor import FINE_M
 from linework.kernels.cells.places import (
+    AREA_POINTS,
     BOX_ALL_ROAD,
     BOX_CELL_M,
     BOX_ELSEWHERE,
@@ -59,6 +67,7 @@ from linework.kernels.cells.places import (
     S_Z,
     SCORE,
     TOP_V,
+    area_scale,
     chord_in_cell,
 )
 
@@ -69,16 +78,24 @@ STEP_BINS = int(2.0 * STEP_REACH_M / STEP_BIN_M + 0.5)
 #: Points farther apart than in usual search areas: 60 to the square metre and fewer, 0.13 m. Denser ones show a step in
 #: those, unless it is none.
 MOST_PER_M2 = 60.0
+#: Area of the fine cells in which they are counted. [m2]
+COUNTED_M2 = (2.0 * STEP_REACH_M + FINE_M) ** 2
 #: Half widths of a step that are tried: that of the beam's spot and of the spacing of points, up to a metre in all. [m]
 HALF_STEPS_M = np.array([0.1, 0.25, 0.5])
 #: The step is sought this far from the cell's middle: half of its diagonal and the slack of a turned profile. [m]
 SEEK_M = 0.45
 #: Turns about the direction of the gradient, coarse to fine. [rad]
-STEP_TURNS = np.deg2rad(np.array([[-20.0, 0.0, 20.0], [-10.0, 0.0, 10.0], [-5.0, 0.0, 5.0]]))
-#: Bins about a step that tell its place, and how many of the half widths are tried there.
+STEP_TURNS = (
+    np.deg2rad(np.array([0.0, -20.0, 20.0])),
+    np.deg2rad(np.array([-10.0, 10.0])),
+    np.deg2rad(np.array([-5.0, 5.0])),
+)
+#: Bins about a step that tell its place (0.8 m: a step that is a metre wide, and what it rises from and to), and how many
+#: of the half widths are tried there.
 PLACE_BINS, PLACE_HALVES = 8, 2
-#: Widest stripe or joint that may look like a step. [bins]
-STRIPE_BINS = 7
+#: Widest stripe or joint that may look like a step, and widest line at the end of a pavement with the blur of its edges.
+#: [bins]
+STRIPE_BINS, PAINT_BINS = 7, 5
 #: Road differs from road, patched or worn, by a tenth of its level or the noise of a point, twice as a standard
 #: deviation; verges by up to eight times that. Asphalt that was laid at different times differs by 10 to 30 %, grass from
 #: asphalt by 50 % and more in near infrared.
@@ -107,7 +124,7 @@ def brightness_step_in_cell(
     # What is a step over some metres is a slope here
     if not data.near_road[box_cell_at(data.span, x, y)] or not differs(slopes, floor.noise, BY_BRIGHTNESS):
         return BOX_ALL_ROAD
-    if count_near(data.starts, data.span, place, STEP_REACH_M) >= MOST_PER_M2 * (2.0 * STEP_REACH_M) ** 2:
+    if count_near(data.starts, data.span, place, STEP_REACH_M) >= MOST_PER_M2 * COUNTED_M2:
         return BOX_ALL_ROAD
     reach = math.hypot(STEP_REACH_M, STEP_HALF_LENGTH_M)
     n = _near_plane(work, gather_ground(data, place, reach, floor.plane, MOST_PLACE_POINTS, work))
@@ -126,7 +143,8 @@ def brightness_step_in_cell(
         if best[STEP_CLEAR] < CLEAR_SPLIT:
             return BOX_ALL_ROAD
     _sum_bins(work, n, vx, vy, bins)
-    place_of_step(bins, best)
+    if not place_of_step(bins, best):
+        return BOX_ELSEWHERE
     v, half = best[STEP_V], best[STEP_HALF]
     low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
@@ -145,7 +163,9 @@ def brightness_step_in_cell(
     plane = floor.plane
     box[BOX_X], box[BOX_Y] = x + dx, y + dy
     box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * v
-    box[BOX_UX], box[BOX_UY], box[BOX_HALF_U] = vy, -vx, 0.5 * BOX_CELL_M
+    box[BOX_UX], box[BOX_UY] = vy, -vx
+    # As long as other boxes among so few points
+    box[BOX_HALF_U] = 0.5 * BOX_CELL_M * area_scale(data.starts, data.span, place, AREA_POINTS)
     box[S_V], box[S_U] = best[STEP_SIGMA], best[STEP_SIGMA] / (2.0 * UNIFORM_SIGMA * STEP_HALF_LENGTH_M)
     box[S_Z] = 2.0 * noise / np.sqrt(count)
     clear = 1.0 / (1.0 + math.exp(-0.5 * NEW_SHARE * best[STEP_CLEAR]))
@@ -160,7 +180,7 @@ def chance_of_verge(bright: float, dark: float, noise: float) -> float:
 
     bright, dark, noise: levels of both, and the noise of a point.
     """
-    apart = (bright - dark) / max(noise, ALBEDO_SHARE * abs(dark))
+    apart = max(bright - dark, 0.0) / max(noise, ALBEDO_SHARE * abs(dark))
     patch = math.sqrt(2.0 / math.pi) / PATCHES_DIFFER * math.exp(-0.5 * (apart / PATCHES_DIFFER) ** 2)
     return float(1.0 / (1.0 + VERGES_DIFFER * patch))
 
@@ -204,7 +224,8 @@ def _sum_bins(work: FloatArray, n: int, vx: float, vy: float, bins: FloatArray) 
         v = x * vx + y * vy
         if abs(v) >= STEP_REACH_M or abs(x * vy - y * vx) > STEP_HALF_LENGTH_M:
             continue
-        k, bright = int((v + STEP_REACH_M) / STEP_BIN_M) + 1, work[i, PLACE_INTENSITY]
+        k = min(int((v + STEP_REACH_M) / STEP_BIN_M), STEP_BINS - 1) + 1
+        bright = work[i, PLACE_INTENSITY]
         bins[k, _N] += 1.0
         bins[k, _I] += bright
         bins[k, _II] += bright * bright
@@ -241,8 +262,8 @@ def step_of_brightness(bins: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def place_of_step(bins: FloatArray, out: FloatArray) -> None:
-    """Write where the brightness rises most about a step, and the standard deviation of that place.
+def place_of_step(bins: FloatArray, out: FloatArray) -> bool:
+    """Write where the brightness rises most about a step, and the standard deviation of that place; False if it is not known.
 
     Farther off, a verge has levels of its own (mown, gravel, tall grass), whose middle is not the edge of the road.
     Parameters as for `step_of_brightness`, whose result is `out`.
@@ -250,14 +271,18 @@ def place_of_step(bins: FloatArray, out: FloatArray) -> None:
     middle = int((out[STEP_V] + STEP_REACH_M) / STEP_BIN_M + 0.5)
     first, last = max(middle - PLACE_BINS, 0), min(middle + PLACE_BINS, STEP_BINS)
     n = bins[last, _N] - bins[first, _N]
-    total, mean, square, best = 0.0, 0.0, 0.0, math.inf
+    total, mean, square, best, rise = 0.0, 0.0, 0.0, math.inf, 0.0
     lefts = np.full(2 * PLACE_BINS, math.inf)
     for k in range(first + 2, last - 1):
         for half in HALF_STEPS_M[:PLACE_HALVES]:
             left, bright, dark = _left_by_step(bins, (first, last), k * STEP_BIN_M - STEP_REACH_M, half)
             if bright > dark:
                 lefts[k - first] = min(lefts[k - first], left)
-        best = min(best, lefts[k - first])
+                if left < best:
+                    best, rise = left, bright - dark
+    # Beyond a hole, what rises here is not the step
+    if rise < 0.5 * (out[STEP_BRIGHT] - out[STEP_DARK]):
+        return False
     # The mean over all places, weighted by their likelihood
     for k in range(first + 2, last - 1):
         if math.isfinite(lefts[k - first]):
@@ -266,12 +291,11 @@ def place_of_step(bins: FloatArray, out: FloatArray) -> None:
             total += likely
             mean += likely * v
             square += likely * v * v
-    if total == 0.0:
-        return
     mean /= total
     out[STEP_V] = mean
     out[STEP_SIGMA] = math.sqrt(max(square / total - mean * mean, 0.0) + STEP_BIN_M**2 / 12.0)
     _behind_paint(bins, (first, last), out)
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -286,8 +310,14 @@ def _behind_paint(bins: FloatArray, of: tuple[int, int], out: FloatArray) -> Non
     step = min(max(int((out[STEP_V] + STEP_REACH_M) / STEP_BIN_M + 0.5), first + 1), last - 1)
     without = max(_squares(bins, first, step) + _squares(bins, step, last), 1e-12)
     most, edge = 0.5 * CLEAR_SPLIT, -1
-    for b in range(max(step - STRIPE_BINS // 2, first + 3), min(step + STRIPE_BINS // 2, last - 1)):
-        for a in range(max(b - STRIPE_BINS, first + 1), b - 1):
+    for b in range(max(step - PAINT_BINS // 2, first + 3), min(step + PAINT_BINS // 2 + 1, last)):
+        for a in range(max(b - PAINT_BINS, first + 1), b - 1):
+            # Where there is no point, nothing is known
+            fewest = min(
+                bins[a, _N] - bins[first, _N], bins[b, _N] - bins[a, _N], bins[last, _N] - bins[b, _N]
+            )
+            if fewest < STEADY_POINTS:
+                continue
             inside, beyond, before = _mean(bins, a, b), _mean(bins, first, a), _mean(bins, b, last)
             if inside <= beyond or inside <= before:
                 continue

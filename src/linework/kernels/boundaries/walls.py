@@ -23,7 +23,7 @@ from linework.kernels.boundaries.profiles import (
     count_near,
 )
 from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
-from linework.kernels.cells.places import AREA_M, SCALES
+from linework.kernels.cells.places import AREA_M, area_scale
 
 #: Smallest difference of the heights in a fine cell with a wall: more than that of kerbs. [m]
 WALL_RANGE_M = 0.30
@@ -234,9 +234,5 @@ def gather_ground_area(
 
     Arguments and radius as for `linework.kernels.cells.places.gather_area`.
     """
-    scale = SCALES[0]
-    for k in range(len(SCALES)):
-        scale = SCALES[k]
-        if k == len(SCALES) - 1 or count_near(data.on_ground, data.span, place, AREA_M * scale) >= wanted:
-            break
+    scale = area_scale(data.on_ground, data.span, place, wanted)
     return gather_ground(data, place, AREA_M * scale, plane, most, work), scale

@@ -148,6 +148,18 @@ def own_roughness(noise: float, scanner: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def area_scale(starts: IntArray, span: IntArray, place: tuple[float, float], wanted: int) -> float:
+    """Return the radius of the search area about a place, in `AREA_M`: wider where it holds fewer points than `wanted`.
+
+    starts, span: as for `gather_area`.
+    """
+    for k in range(len(SCALES) - 1):
+        if count_near(starts, span, place, AREA_M * SCALES[k]) >= wanted:
+            return float(SCALES[k])
+    return float(SCALES[-1])
+
+
+@njit(cache=True, nogil=True)
 def gather_area(
     points: FloatArray,
     starts: IntArray,
@@ -175,11 +187,7 @@ def gather_area(
     -------
     Number of points, and the radius of the area in `AREA_M`.
     """
-    scale = SCALES[0]
-    for k in range(len(SCALES)):
-        scale = SCALES[k]
-        if k == len(SCALES) - 1 or count_near(starts, span, place, AREA_M * scale) >= wanted:
-            break
+    scale = area_scale(starts, span, place, wanted)
     return gather_at(points, starts, span, place, AREA_M * scale, plane, most, work), scale
 
 

@@ -39,7 +39,7 @@ HALF_WIDTH_M = 0.25
 GUTTERS_M = (0.10, 0.60)
 #: The middle of a stripe, or the front of a gutter, is this near to the boundary at its edge. [m]
 STONES_REACH_M = max(GUTTERS_M) + AT_EDGE_M
-#: A box depends on the points within this of its cell only: a search area of 2 m, the facets around it, and the ground
+#: A box depends on the points within this of its cell only: a search area of 2.4 m, the facets around it, and the ground
 #: beside it (3.5 m); one at the back of a gutter on those of the cell at its front. [m]
 BOUNDARY_REACH_M = 6.0 + STONES_REACH_M
 #: Without any bright stripe.

@@ -48,7 +48,7 @@ def odds_of_line(
 
     Arrows and covers are repeated at equal distances as well. Where only every second or third dash of a rhythm is there,
     farther apart than any dashes in use, the others are missing where they would be if there was such a row; and in the
-    middle of a lane whatever is as far apart as arrows are is as likely to be some.
+    middle of a lane whatever is as far apart as arrows are is more likely to be some.
 
     Parameters
     ----------

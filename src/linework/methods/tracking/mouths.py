@@ -36,8 +36,8 @@ SAME_OFFSET_M = 2.0
 #: Boundaries run along a line within 30 degrees: cosine. Beside a place are those so far along the line at most. [m]
 _ALONG, ALONG_M = 0.866, 0.75 * AXIS_STATION_M
 #: Logarithms of the odds of a dashed line against lines that end at mouths, before the mouths are counted, and of a line
-#: that ends where no mouth is, against one that ends at a mouth: about 20 and 1 to 20, set by hand.
-RHYTHM_LOG_ODDS, NO_REASON_LOG_ODDS = 3.0, -3.0
+#: that ends where no mouth is, against one that ends at a mouth: 4 and 1 to 20, set by hand on roundabout 17102, 2026-11-29.
+RHYTHM_LOG_ODDS, NO_REASON_LOG_ODDS = 1.5, -3.0
 #: Fewest stations of boundaries that lead away from the line in a mouth. Where none does, the boundary may be there and not
 #: be seen, as the paint.
 LEAST_TURNING = 2
@@ -104,20 +104,24 @@ class Mouths:
         gaps = np.column_stack([dashes[:-1, 1], dashes[1:, 0]])
         if self._tree is None or np.all(gaps[:, 1] - gaps[:, 0] < LEAST_MOUTH_M):
             return math.inf
-        in_gaps = self._count_beside(line, gaps)
+        in_gaps, n_gaps = self._count_beside(line, gaps)
         if in_gaps == 0:
             return math.inf
-        mouths = in_gaps + self._count_beside(line, dashes)
+        in_dashes, n_dashes = self._count_beside(line, dashes)
+        mouths = in_gaps + in_dashes
         ways = sum(
-            math.comb(len(gaps), k) * math.comb(len(dashes), mouths - k)
-            for k in range(in_gaps, min(mouths, len(gaps)) + 1)
+            math.comb(n_gaps, k) * math.comb(n_dashes, mouths - k)
+            for k in range(in_gaps, min(mouths, n_gaps) + 1)
         )
-        by_chance = math.log(ways / math.comb(len(gaps) + len(dashes), mouths))
+        by_chance = math.log(ways) - math.log(math.comb(n_gaps + n_dashes, mouths))
         return RHYTHM_LOG_ODDS + by_chance - (len(gaps) - in_gaps) * NO_REASON_LOG_ODDS
 
-    def _count_beside(self, line: SmoothLine, intervals: FloatArray) -> int:
-        """Return the number of intervals along a line (k, 2) [m] with a mouth beside them."""
-        count = 0
+    def _count_beside(self, line: SmoothLine, intervals: FloatArray) -> tuple[int, int]:
+        """Return how many intervals along a line (k, 2) [m] have a mouth beside them, and how many may have one.
+
+        Those at its ends, and short ones, show none.
+        """
+        mouths, places = 0, 0
         for first, last in intervals.tolist():
             before = _places(max(float(line.t_m[0]), first - AROUND_M), first)
             within, behind = (
@@ -127,8 +131,9 @@ class Mouths:
             if min(len(before), len(within), len(behind)) >= LEAST_PLACES:
                 at = np.concatenate([before, within, behind])
                 place = np.column_stack([np.interp(at, line.t_m, line.xyz[:, axis]) for axis in range(2)])
-                count += self._chance(place, slice(len(before), len(before) + len(within))) < 1.0
-        return count
+                mouths += self._chance(place, slice(len(before), len(before) + len(within))) < 1.0
+                places += 1
+        return mouths, places
 
     def _chance(self, place: FloatArray, inside: slice) -> float:
         """Return what `chances` does for one gap, on the side that speaks most; place: (n, 2) [m]."""
