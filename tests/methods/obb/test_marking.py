@@ -161,11 +161,11 @@ def test_an_edge_line_beside_a_shoulder_is_found_where_points_are_far_apart(rng:
     found = []
     for per_m2 in (20.0, 400.0):
         xyz, intensity = road_points(rng, [line], per_m2=per_m2, noise=0.05)
-        intensity[(xyz[:, 1] > 6.0) & ~line.holds(xyz[:, :2])] *= 1.4
+        intensity[(xyz[:, 1] > 6.0) & ~line.holds(xyz[:, :2])] *= 1.32
         boxes = sure(boxes_in(xyz, intensity))
         found.append(int(np.sum(np.abs(line.across(in_scene(boxes.centre))) < 0.15)))
-    # From near by the two sides are known to differ: it may be the stone between them
-    assert found[0] >= 12 and found[1] <= 4
+    # Of 22 cells; from near by the two sides are known to differ: it may be the stone between them
+    assert found[0] >= 8 and found[1] <= 4
 
 
 def test_what_two_sides_say_depends_on_noise_and_spacing() -> None:
@@ -175,8 +175,8 @@ def test_what_two_sides_say_depends_on_noise_and_spacing() -> None:
         return float(chance_by_sides(row)[0])
 
     assert chance(0.0, 20.0, 0.05) > 0.95
-    assert chance(0.6, 20.0, 0.05) < 0.3 < chance(0.6, 3.0, 0.05), "noise"
-    assert chance(0.6, 20.0, 0.25) > 0.8, "farther apart than an edge line is from the end of the road"
+    assert 2.0 * chance(0.6, 20.0, 0.05) < chance(0.6, 3.0, 0.05), "noise"
+    assert 5.0 * chance(0.6, 20.0, 0.05) < chance(0.6, 20.0, 0.25), "what lies beyond the road is measured"
     assert chance(0.3, 20.0, 0.05) > chance(0.4, 20.0, 0.05) > chance(0.5, 20.0, 0.05)
 
 

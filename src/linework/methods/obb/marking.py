@@ -53,8 +53,10 @@ _TRACKS_DIFFER = 0.13
 #: Distance of an edge line from the end of its road [m]: a hand's breadth to a shoulder of 0.5 m.
 _EDGE_LINE_M = 0.3
 #: Logarithm of the odds of paint against what lies along borders of materials, before the two sides are compared: what is as
-#: bright, as narrow and as straight is paint in 20 of 21 cases, set by hand on als-roads-t1105, 2026-11-29.
-_PAINT_LOG_ODDS = 3.0
+#: bright, as narrow and as straight is paint in 7 of 8 cases; and the share of paint beside which, where points are as far
+#: apart as that, what lies beyond the road is measured. Set by hand, 2026-11-30: of 3.0 and 0.5, 2.5 and 0.2, 2.0 and 0.1, and
+#: these, the last lose least on als-roads-t1105 and -t0717 and on simulated airborne roads 17601 and 17602.
+_PAINT_LOG_ODDS, _BEYOND_SHARE = 2.0, 0.2
 #: Smallest standard deviation of a box: no scanner measures better. [m, rad]
 _LEAST_SIGMA = 0.001
 
@@ -346,12 +348,12 @@ def chance_by_sides(found: FloatArray) -> FloatArray:
 
     Paint has the same road on both sides, but for wheel tracks and noise; along a border any difference is as likely. An
     edge line lies a hand's breadth from the end of its road: where points are as far apart as that, what is measured
-    beside it is half the time what lies beyond, and the difference says little.
+    beside it is in one case of five what lies beyond, and the difference says less.
     """
     sides = np.minimum(found[:, stripes.STRIPE_SIDES], 1.0)
     # The contrast to the brighter side is 1 - sides of that to the darker one, and its t-value tells the noise
     spread = np.hypot(_TRACKS_DIFFER, (1.0 - sides) / np.maximum(found[:, stripes.STRIPE_T], 1.0))
-    beyond = 0.5 * np.minimum(found[:, stripes.STRIPE_SPACING] / _EDGE_LINE_M, 1.0) ** 2
+    beyond = _BEYOND_SHARE * np.minimum(found[:, stripes.STRIPE_SPACING] / _EDGE_LINE_M, 1.0) ** 2
     alike = np.sqrt(2.0 / np.pi) / spread * np.exp(-0.5 * (sides / spread) ** 2)
     return np.asarray(expit(_PAINT_LOG_ODDS + np.log((1.0 - beyond) * alike + beyond)))
 
