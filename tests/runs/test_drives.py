@@ -81,6 +81,9 @@ def test_only_where_another_drive_passes_there_is_something_to_tie():
     for drive in drives:
         near = may_tie(drive, drives, places)
         assert near.tolist() == [True, True, True, False, False, False]
+        # Nor where lines tie them already
+        near = may_tie(drive, drives, places, np.array([[290.0, 3.0]]))
+        assert near.tolist() == [False, True, False, False, False, False]
     assert may_tie(drives[0], drives, places[:0]).tolist() == []
 
 
@@ -233,7 +236,16 @@ def test_lines_along_a_part_of_the_shared_road_do_not_hold_all_of_it():
     whole, part = straight(5.0), straight(5.0)
     part = LineSet.from_lines([part.xyz[:250]], kind=["lane_marking"])
     assert adjusted_drives(drives, path, [whole, straight(5.1)]).is_held
-    assert not adjusted_drives(drives, path, [whole, part]).is_held
+    partly = adjusted_drives(drives, path, [whole, part])
+    assert not partly.is_held
+    assert partly.untied_xy[:, 0].min() == 250.0 and partly.untied_xy[:, 0].max() == 300.0
+    # What is found for these places ties the drives there, and nowhere else
+    edges = [straight(-4.0, kind="road_boundary"), straight(-3.9, kind="road_boundary")]
+    met = meet_lines(drives, edges, partly.untied_xy)
+    ties = tie_drives(drives, edges, met, None, reach_m=0.5)
+    assert np.interp(ties.time_s, path.time_s, path.xyz[:, 0]).min() > 220.0
+    both = [LineSet.concatenate([one, other]) for one, other in zip([whole, part], edges, strict=True)]
+    assert adjusted_drives(drives, path, both).is_held
     # Drives of which one also passes where the other does not need no tie there
     path = path_of(((0.0, 0.0), (600.0, 0.0)), 60.0, ((300.0, 3.0), (0.0, 3.0)))
     assert adjusted_drives(separate_drives(path), path, [whole, straight(5.1)]).is_held
@@ -358,17 +370,17 @@ def test_the_points_of_a_drive_are_separated_once(survey, monkeypatch):
     assert beside == [False, False, True]
     monkeypatch.setattr(adjusted_module, "find_lines", find)
 
-    def writing(store, folder, change, advance):
-        written.append(folder)
-        write_changed_store(store, folder, change, advance)
+    def writing(store, folder, change, advance, near_xy):
+        written.append(0 if near_xy is None else len(near_xy))
+        write_changed_store(store, folder, change, advance, near_xy)
 
     monkeypatch.setattr(stores, "write_changed_store", writing)
     # So that boundaries and guardrails are looked for, too
-    monkeypatch.setattr(adjusted_module, "holds_all_along", lambda drives, ties: False)
+    monkeypatch.setattr(adjusted_module, "untied_places", lambda drives, ties: drives[0].xy[:1])
     lines = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path)
     assert lines.report.adjusted.startswith("2 drives adjusted")
-    # Either drive, then all points moved
-    assert len(written) == 3
+    # Either drive, then what lies around the place without a tie, then all points moved
+    assert written == [0, 0, 1, 1, 1, 1, 0]
     assert asked[1:] == [KINDS[:2], ("road_boundary", "kerb_top"), ("guardrail", "barrier")]
 
 

@@ -34,9 +34,9 @@ from linework.runs.drives.ties import (
     LAST_REACH_M,
     TIE_KINDS_IN_TURN,
     MetLines,
-    holds_all_along,
     meet_lines,
     tie_drives,
+    untied_places,
 )
 from linework.runs.drives.turns import level_turns, with_turns_sigma
 from linework.runs.extraction import Extraction
@@ -64,14 +64,19 @@ class AdjustedDrives:
         Of the path and of all points.
     ties
         What they measured of the same lines, before they were moved.
-    is_held
-        Whether lines tie them along all of the road that they share.
+    untied_xy
+        (n, 2) places on the road that they share where no line ties them. [m, world]
     """
 
     drives: tuple[DriveSpan, ...]
     correction: PathCorrection
     ties: DriveTies
-    is_held: bool
+    untied_xy: FloatArray
+
+    @property
+    def is_held(self) -> bool:
+        """Whether lines tie them along all of the road that they share."""
+        return not len(self.untied_xy)
 
     def accounted(self) -> DrivesAccount:
         """Return how each was corrected: the covariance of the path, seconds of work for 15 km, so once for a run."""
@@ -108,7 +113,8 @@ def find_lines_of_drives(
     -----
     The lines of each drive are found on its own points, where another one passes. They tie the drives: across at lines,
     in height, and along the road at dashes. Boundaries are looked for only where markings leave some of the shared road
-    without a tie, guardrails and barriers only where both do: across it theirs weigh a fifth of those at most. The points
+    without a tie, and around there; guardrails and barriers only where both do: across it theirs weigh a fifth of those at
+    most. The points
     are moved by the correction when they are written into a tile store of this run, from which everything else follows as
     for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
     """
@@ -142,7 +148,7 @@ def find_lines_of_drives(
     if not share_road(drives):
         return found_in_all(recordings)
     by = partial(found_in, using=for_ties)
-    lines, adjusted = [LineSet.empty(recordings.survey.crs) for _ in drives], None
+    lines, adjusted, untied = [LineSet.empty(recordings.survey.crs) for _ in drives], None, None
     met = meet_lines(drives, lines)
     for kinds in TIE_KINDS_IN_TURN:
         named = choose_methods(
@@ -154,16 +160,18 @@ def find_lines_of_drives(
             if method.recording == "points"
         ]
         more = [
-            _lines_of_drive(recordings, drives, i, tying, run, kinds[0], by, steps)
+            _lines_of_drive(recordings, drives, i, untied, tying, run, kinds[0], by, steps)
             for i in range(len(drives))
         ]
         lines = [LineSet.concatenate(both) for both in zip(lines, more, strict=True)]
         with steps.step("adjust drives"):
             # Lines meet lines of their own kind only: those of the kinds before meet where they met
-            met = {pair: [*met[pair], *new] for pair, new in meet_lines(drives, more).items()}
+            met = {pair: [*met[pair], *new] for pair, new in meet_lines(drives, more, untied).items()}
             adjusted = adjusted_drives(drives, path, lines, whole, met)
-        if adjusted is not None and adjusted.is_held:
-            break
+        if adjusted is not None:
+            untied = adjusted.untied_xy
+            if adjusted.is_held:
+                break
     for i in range(len(drives)):
         shutil.rmtree(_drive_folder(run, i), ignore_errors=True)
     if adjusted is None:
@@ -203,7 +211,7 @@ def adjusted_drives(
             return None
         correction = adjusted_path(whole or drives, path, ties)
     assert correction is not None
-    return AdjustedDrives(drives, correction, ties, holds_all_along(drives, ties))
+    return AdjustedDrives(drives, correction, ties, untied_places(drives, ties))
 
 
 def _account(drives: tuple[DriveSpan, ...], correction: PathCorrection, ties: DriveTies) -> DrivesAccount:
@@ -269,10 +277,13 @@ def _drive_folder(run: RunFolder, number: int) -> Path:
 
 
 def _lines_of_drive(
-    recordings: Recordings, drives: Sequence[DriveSpan], number: int, methods: Sequence[Method], run: RunFolder,
-    what: str, found_in: Any, steps: RunSteps,
+    recordings: Recordings, drives: Sequence[DriveSpan], number: int, untied_xy: FloatArray | None,
+    methods: Sequence[Method], run: RunFolder, what: str, found_in: Any, steps: RunSteps,
 ) -> LineSet:  # fmt: skip
-    """Return the lines of one drive where others pass; none where nothing can be looked at. what: is looked for."""
+    """Return the lines of one drive where others pass, around places without a tie; none where nothing can be looked at.
+
+    untied_xy: (n, 2) [m, world], None: anywhere. what: is looked for.
+    """
     drive, folder, name = drives[number], _drive_folder(run, number), f"drive-{number}-{what}"
     kept, entry = run.path / f"{name}.arrays", run.journal.done().get(name)
     done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
@@ -284,12 +295,14 @@ def _lines_of_drive(
     def change(points: Points) -> Points:
         assert points.time_s is not None
         own = points.take(drive.holds(points.time_s))
-        return own.take(may_tie(drive, drives, own.xyz[:, :2]))
+        return own.take(may_tie(drive, drives, own.xyz[:, :2], untied_xy))
 
     spans = [(other.start_s, other.end_s) for other in drives]
-    own = changed_points(
-        opened, folder / "store", change, f"drive {number} of {spans}", steps, "separate drives"
-    )
+    of = f"drive {number} of {spans}"
+    if untied_xy is not None:
+        folder = folder / f"untied-{what}"
+        of += f" around {hashlib.sha256(untied_xy.tobytes()).hexdigest()}"
+    own = changed_points(opened, folder / "store", change, of, steps, "separate drives", near_xy=untied_xy)
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:
         results = folder / f"tiles-{what}"

@@ -33,6 +33,8 @@ PASSED_M = 25.0
 _AROUND_M = 64.0
 #: Side of the cells that points are told apart by. [m]
 _CELL_M = 4.0
+#: Points this near to a place may matter for lines that are passed there. [m]
+MATTERS_M = PASSED_M + _AROUND_M + _CELL_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,7 @@ class DriveSpan:
 
     def is_near(self, xy: FloatArray) -> BoolArray:
         """Return which places (n, 2) may matter for lines that it passes: those within what lines depend on."""
-        away, _ = self.tree.query(xy - self.xy[0], distance_upper_bound=PASSED_M + _AROUND_M + _CELL_M)
-        return np.asarray(np.isfinite(away))
+        return _within(self.tree, xy - self.xy[0], MATTERS_M)
 
 
 def separate_drives(path: Trajectory) -> tuple[DriveSpan, ...]:
@@ -153,11 +154,18 @@ def share_road(drives: tuple[DriveSpan, ...]) -> bool:
     )
 
 
-def may_tie(drive: DriveSpan, drives: Sequence[DriveSpan], xy: FloatArray) -> BoolArray:
+def may_tie(
+    drive: DriveSpan, drives: Sequence[DriveSpan], xy: FloatArray, untied_xy: FloatArray | None = None
+) -> BoolArray:
     """Return which places (n, 2) of some block may matter for lines that a drive has in common with others, (n,).
 
     Along a road that no other drive passes there is nothing to tie: a survey with one road driven twice is looked at
     twice along that road only.
+
+    Parameters
+    ----------
+    untied_xy
+        (k, 2) places [m, world]: only what may matter for lines that are passed there counts; None: everything does.
     """
     if not len(xy):
         return np.zeros(0, dtype=np.bool_)
@@ -167,9 +175,16 @@ def may_tie(drive: DriveSpan, drives: Sequence[DriveSpan], xy: FloatArray) -> Bo
     grid = np.stack(np.meshgrid(np.arange(n[0]), np.arange(n[1]), indexing="ij"), axis=-1).reshape(-1, 2)
     place = (grid + first + 0.5) * _CELL_M
     chosen = drive.is_near(place)
+    if untied_xy is not None:
+        chosen &= _within(cKDTree(untied_xy - drive.xy[0]), place - drive.xy[0], MATTERS_M)
     others = [other.is_near(place[chosen]) for other in drives if other is not drive]
     chosen[chosen] = np.any(others, axis=0) if others else False
     return np.asarray(chosen[(cell[:, 0] - first[0]) * n[1] + cell[:, 1] - first[1]])
+
+
+def _within(tree: Any, xy: FloatArray, within_m: float) -> BoolArray:
+    """Return which places (n, 2) have one of a tree that near, (n,)."""
+    return np.asarray(np.isfinite(tree.query(xy, distance_upper_bound=within_m)[0]))
 
 
 def _picked(time_s: FloatArray) -> IntArray:

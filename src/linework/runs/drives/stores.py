@@ -11,14 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.files.las.tally import TimeCounts
 from linework.files.output.replace import replacing_folder
 from linework.files.store.facts import facts_of_store
 from linework.files.store.layout import POINTS_SUFFIX, STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.files.store.write import StoreWriter, write_index
-from linework.model.grid import Bounds
+from linework.model.grid import Bounds, holds
 from linework.model.points import Points
+from linework.runs.drives.separate import MATTERS_M
 from linework.runs.opened.points import OpenedSurvey
 from linework.runs.resume import fingerprint_of
 from linework.runs.steps import Advance, RunSteps
@@ -28,7 +30,11 @@ _MOST_POINTS = 5_000_000
 
 
 def write_changed_store(
-    store: PointStore, folder: Path, change: Callable[[Points], Points], advance: Advance
+    store: PointStore,
+    folder: Path,
+    change: Callable[[Points], Points],
+    advance: Advance,
+    near_xy: FloatArray | None = None,
 ) -> None:
     """Write a tile store of the points that a function makes of those of each area.
 
@@ -40,6 +46,8 @@ def write_changed_store(
         An existing, empty folder; the caller removes it if this fails.
     change
         Takes and returns points with the same columns.
+    near_xy
+        (n, 2) places [m, world]: only areas with points that may matter there are read; None: all are.
 
     Raises
     ------
@@ -55,6 +63,8 @@ def write_changed_store(
     done, names = 0, store.columns
     try:
         for area in small_areas(store):
+            if near_xy is not None and not holds(area.grown(MATTERS_M), near_xy).any():
+                continue
             recorded = store.points(area)
             points = change(recorded)
             done += len(recorded)
@@ -96,6 +106,7 @@ def changed_points(
     what: str,
     steps: RunSteps,
     step: str,
+    near_xy: FloatArray | None = None,
 ) -> OpenedSurvey | None:
     """Return a survey with points that a function makes of its own, in a store of their own; None without any.
 
@@ -107,11 +118,13 @@ def changed_points(
         Was changed: part of the key of the new survey.
     step
         Name of the step that is shown meanwhile.
+    near_xy
+        (n, 2) places [m, world]: the function keeps points only that may matter there; None: anywhere.
     """
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
         with replacing_folder(folder) as part, steps.step(step, unit="points") as advance:
-            write_changed_store(opened.points, part, change, advance)
+            write_changed_store(opened.points, part, change, advance, near_xy)
     points = PointStore.open(folder)
     if not points.n_points:
         return None

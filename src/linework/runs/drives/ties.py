@@ -5,19 +5,20 @@ Separate from `adjustment`, which makes a path of them: this looks at lines.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along
+from linework.lines.along import runs_of
 from linework.lines.crosscuts import LinesToCut, axis_along, cross_cuts
 from linework.model.columns import Columns, column
 from linework.model.lines import STACKED_FORM, LineSet
 from linework.runs.drives.adjustment import DriveTies, PathCorrection
-from linework.runs.drives.separate import LEAST_SHARED_M, SHARED_ROAD_M, DriveSpan
+from linework.runs.drives.separate import LEAST_SHARED_M, PASSED_M, SHARED_ROAD_M, DriveSpan
 
 #: Kinds of line that tie drives: those that any drive measures at the same place. A fence or a hedge has no such place.
 TIE_KINDS = ("lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier")
@@ -81,13 +82,27 @@ class MetLine(Columns):
 MetLines = Mapping[tuple[int, int], Sequence[MetLine]]
 
 
-def meet_lines(drives: Sequence[DriveSpan], lines: Sequence[LineSet]) -> MetLines:
+def meet_lines(
+    drives: Sequence[DriveSpan], lines: Sequence[LineSet], untied_xy: FloatArray | None = None
+) -> MetLines:
     """Return where the lines of every drive meet those of every other one: the same for every correction.
 
-    lines: of each drive, as it measured them.
+    Parameters
+    ----------
+    lines
+        Of each drive, as it measured them.
+    untied_xy
+        (n, 2) places [m, world]: only what a van at one of them passes counts; None: everything does.
     """
+    untied = None if untied_xy is None else cKDTree(untied_xy - drives[0].xy[0])
+
+    def is_asked(xy: FloatArray) -> BoolArray:
+        if untied is None:
+            return np.ones(len(xy), dtype=np.bool_)
+        return np.asarray(untied.query(xy - drives[0].xy[0])[0] <= PASSED_M)
+
     return {
-        (a, b): _met_lines(drives[a], drives[b], lines[a], lines[b])
+        (a, b): _met_lines(drives[a], drives[b], lines[a], lines[b], is_asked)
         for a, b in permutations(range(len(drives)), 2)
     }
 
@@ -134,27 +149,33 @@ def tie_drives(
                      ties.sigma_m * np.sqrt(np.maximum(n_here, 2) / 2.0))  # fmt: skip
 
 
-def holds_all_along(drives: Sequence[DriveSpan], ties: DriveTies) -> bool:
-    """Return whether ties follow each other along all of the road that drives share.
+def untied_places(drives: Sequence[DriveSpan], ties: DriveTies) -> FloatArray:
+    """Return the places of poses along road that drives share and that no line ties, (n, 2) [m, world].
 
-    False where two drives pass a stretch as long as the shortest that counts as shared, and no line ties them there.
+    A stretch without a tie counts if it is as long as the shortest that counts as shared, from tie to tie or to where the
+    drives part.
     """
+    untied = [np.empty((0, 2))]
     for one, other in permutations(drives, 2):
-        shared = one.xy[np.isfinite(other.passing_s(one.xy, SHARED_ROAD_M))]
-        if not len(shared):
-            continue
-        tied = [
-            own[one.holds(own) & other.holds(others)]
-            for own, others in ((ties.time_s, ties.other_s), (ties.other_s, ties.time_s))
-        ]
-        at = np.concatenate(tied)
-        if not len(at):
-            return False
-        place = np.stack([np.interp(at, one.time_s, c) for c in one.xy.T], axis=1)
-        away, _ = cKDTree(place - one.xy[0]).query(shared - one.xy[0])
-        if away.max() > 0.5 * LEAST_SHARED_M:
-            return False
-    return True
+        shared = np.isfinite(other.passing_s(one.xy, SHARED_ROAD_M))
+        along = distance_along(one.xy)
+        tied = np.concatenate(
+            [
+                own[one.holds(own) & other.holds(others)]
+                for own, others in ((ties.time_s, ties.other_s), (ties.other_s, ties.time_s))
+            ]
+        )
+        tied_m = np.interp(tied, one.time_s, along)
+        # Between poses that were left out is no road of the drive
+        for start, end in pairwise([0, *one.resumes.tolist(), len(along)]):
+            for first, last in runs_of(shared[start:end]):
+                own = slice(start + first, start + last + 1)
+                ends = along[own][[0, -1]]
+                inside = tied_m[(tied_m > ends[0]) & (tied_m < ends[1])]
+                stops = np.sort(np.concatenate([ends, inside]))
+                gap = np.clip(np.searchsorted(stops, along[own]), 1, len(stops) - 1)
+                untied.append(one.xy[own][stops[gap] - stops[gap - 1] > LEAST_SHARED_M])
+    return np.concatenate(untied)
 
 
 def _joined(drives: Sequence[DriveSpan], axis: int) -> tuple[FloatArray, FloatArray]:
@@ -168,8 +189,14 @@ def _moved(correction: PathCorrection | None, time_s: FloatArray, normal: FloatA
     return np.asarray(np.sum(correction.at(time_s) * normal, axis=1))
 
 
-def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet) -> list[MetLine]:
-    """Return what each line of a drive has in common with the other drive's lines of its kind."""
+def _met_lines(
+    one: DriveSpan,
+    other: DriveSpan,
+    lines: LineSet,
+    others: LineSet,
+    is_asked: Callable[[FloatArray], BoolArray],
+) -> list[MetLine]:
+    """Return what each line of a drive has in common with the other drive's lines of its kind, where it is asked for."""
     met: list[MetLine] = []
     kinds = {kind: others.take(others.kind == kind) for kind in TIE_KINDS if kind != "lane_marking_dash"}
     to_cut = {kind: LinesToCut(own) for kind, own in kinds.items()}
@@ -183,6 +210,7 @@ def _met_lines(one: DriveSpan, other: DriveSpan, lines: LineSet, others: LineSet
         cuts = cross_cuts(to_cut[kind], axis, reach_m=2.0 * FIRST_REACH_M)
         same = (np.abs(cuts.cosine) >= _PARALLEL) & ~cuts.bridged
         same &= np.isfinite(time[cuts.station]) & np.isfinite(other_s[cuts.station])
+        same &= is_asked(axis.xyz[:, :2])[cuts.station]
         own = cross_cuts(lines.take([i]), axis, reach_m=0.05)
         hidden = np.ones(len(axis.station_m), dtype=bool)
         hidden[own.station[~own.bridged]] = False
