@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight, visible_share
 from linework.methods.tracking.mouths import Mouths
 from linework.methods.tracking.pattern import (
@@ -40,8 +40,8 @@ def ends_in_gaps(
 ) -> list[int]:
     """Return the boxes of a track before which its line has ended, as numbers in the track, ascending.
 
-    A gap is an end if road was measured in it, and paint that is as worn as this has one so long with less than the chance
-    `GAP_CHANCE`. Where a boundary beside the line is open as well, both must be chance; and such a gap says the less about
+    A gap is an end if road was measured in it, and a line that is as worn as this one beside it has one so long with less
+    than the chance `GAP_CHANCE`. Where a boundary beside the line is open as well, both must be chance; and such a gap says the less about
     wear, the less likely that is: the mouths of a ring do not explain each other.
 
     Parameters
@@ -65,9 +65,13 @@ def ends_in_gaps(
     chance[long] = mouths.chances(boxes, box, long)
     longest = np.zeros(len(gap))
     for stretch, inside, touches in within:
-        own = _longest_gaps(
-            t[inside], reach[inside], chance[inside[1:] & inside[:-1]], stretch.rhythm, chance
-        )
+        is_own = inside[1:] & inside[:-1]
+        if not inside.any():
+            own = np.full(len(gap), SHORT_GAP_M)
+        elif stretch.rhythm is None:
+            own = _longest_worn(float(np.ptp(t[inside])), gap, chance, is_own)
+        else:
+            own = _longest_missing(t[inside], reach[inside], chance[is_own], stretch.rhythm, chance)
         longest[touches] = np.maximum(longest[touches], own[touches])
     return [
         k + 1
@@ -93,42 +97,38 @@ def from_longest_gap(boxes: BoxSet, box: IntArray) -> IntArray:
     return np.roll(box, -(k + 1)) if gap[k] > CLOSE_M else box
 
 
-def _longest_gaps(
-    t: FloatArray, reach: FloatArray, chance: FloatArray, rhythm: PaintRhythm | None, of: FloatArray
-) -> FloatArray:
-    """Return the longest gap [m] that wear explains in a stretch of one pattern where chances (n,) are `of`, (n,).
+def _longest_worn(length_m: float, gap: FloatArray, chance: FloatArray, is_own: BoolArray) -> FloatArray:
+    """Return the longest gaps [m] that wear explains in a solid stretch with this much paint left, (n,).
 
-    t, reach, chance: (k,), (k,) places and reach of the stretch's boxes, (k - 1,) chances of what is beside their gaps.
-    """
-    if len(t) == 0:
-        return np.full(len(of), SHORT_GAP_M)
-    if rhythm is None:
-        return _longest_worn(t, (t[1:] - reach[1:]) - (t[:-1] + reach[:-1]), chance, of)
-    return _longest_missing(t, reach, chance, rhythm, of)
+    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear. Nor does a gap about the wear
+    that is to explain it: what else is bare does, and half a patch more, for no line is known to be whole.
 
-
-def _longest_worn(t: FloatArray, gap: FloatArray, chance: FloatArray, of: FloatArray) -> FloatArray:
-    """Return the longest gaps [m] that wear explains in a solid line with this much paint left.
-
-    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear.
+    Parameters
+    ----------
+    length_m
+        Of the stretch.
+    gap, chance
+        (n,) all gaps of its track [m], and the chances of what is beside them.
+    is_own
+        (n,) bool: the gap lies in the stretch.
     """
     limit = np.full(len(gap), LONGEST_WORN_M)
     while True:
-        is_worn = gap <= limit
+        is_worn = is_own & (gap <= limit)
         is_bare = is_worn & (gap > CLOSE_M)
-        bare = float((chance * gap)[is_bare].sum())
+        bare = np.where(is_bare, chance * gap, 0.0)
         # Neither what is an end, nor what may be one
-        other = float(gap[~is_worn].sum()) + float(((1.0 - chance) * gap)[is_bare].sum())
-        gone = float(np.clip(bare / max(t[-1] - t[0] - other, 1.0), *_WORN_SHARE))
-
-        def longest(chances: FloatArray, gone: float = gone) -> FloatArray:
-            worn_m = PATCH_M * np.log(np.minimum(GAP_CHANCE / chances, 1.0)) / math.log(gone)
-            return np.clip(worn_m, SHORT_GAP_M, LONGEST_WORN_M)
-
-        now = longest(chance)
-        if np.all(now >= limit) or not (gap[is_worn] > now[is_worn]).any():
-            return longest(of)
-        limit = now
+        other = float(gap[is_own & ~is_worn].sum()) + float(((1.0 - chance) * gap)[is_bare].sum())
+        painted_m = max(length_m - other - float(bare.sum()), 0.0)
+        bare_m = bare.sum() - bare + 0.5 * PATCH_M
+        gone = np.clip(bare_m / (bare_m + painted_m + 0.5 * PATCH_M), *_WORN_SHARE)
+        # Behind each patch of paint may be such a gap
+        n_patches = max(painted_m / PATCH_M, 1.0)
+        worn_m = PATCH_M * np.log(np.minimum(GAP_CHANCE / (chance * n_patches), 1.0)) / np.log(gone)
+        now: FloatArray = np.clip(worn_m, SHORT_GAP_M, LONGEST_WORN_M)
+        if not (gap[is_worn] > now[is_worn]).any():
+            return now
+        limit = np.minimum(limit, now)
 
 
 def _longest_missing(

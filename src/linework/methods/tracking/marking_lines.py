@@ -21,8 +21,10 @@ from linework.methods.tracking.guides import LEAST_GUIDE_M
 from linework.methods.tracking.line_ends import CLOSE_M, SHORT_GAP_M, ends_in_gaps, from_longest_gap
 from linework.methods.tracking.line_odds import (
     BARE_ROW,
+    POINT_ELSEWHERE,
     SYMBOLS,
     chance_of_line,
+    log_odds_of_bend,
     odds_against_both,
     odds_of_line,
 )
@@ -58,6 +60,9 @@ TOLERANCE_M = 0.10
 LEAST_LINE_CHANCE = 0.5
 #: Without any other bright strip.
 NO_STRIPS = BrightStrips(BoxSet.empty())
+
+#: Why what looks like dashes is several lines, which may be short.
+OF_THEIR_OWN = (AT_MOUTHS, POINT_ELSEWHERE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +121,7 @@ def marking_lines(
     lines, other = list[SmoothMarking](), list[SmoothMarking]()
     for found in _all_markings(boxes, tracks, visible, strips, mouths):
         # What is too bare for a line may be shorter paint in a row; stones are told by their step along the whole line
-        is_row = found.why_unlikely in (BARE_ROW, AT_MOUTHS)
+        is_row = found.why_unlikely in (BARE_ROW, *OF_THEIR_OWN)
         is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and not is_row)
         parts = [found] if is_whole else _without_gaps(boxes, found, visible, strips)
         for m in parts:
@@ -124,7 +129,7 @@ def marking_lines(
                 other.append(_as_other_paint(boxes, m, strips))
             elif not m.why_unlikely:
                 # Between mouths a line may be short
-                (lines if _is_line(m) or found.why_unlikely == AT_MOUTHS else other).append(m)
+                (lines if _is_line(m) or found.why_unlikely in OF_THEIR_OWN else other).append(m)
     return lines, other
 
 
@@ -300,6 +305,8 @@ def _marking(
     odds = odds_of_line(line, paint, rhythm, found.dashes, visible)
     why = found.why_unlikely or (BARE_ROW if chance_of_line(odds) < LEAST_LINE_CHANCE else "")
     if rhythm is not None:
+        odds += log_odds_of_bend(line, rhythm, found.dashes)
+        why = why or (POINT_ELSEWHERE if chance_of_line(odds) < LEAST_LINE_CHANCE else "")
         odds = odds_against_both(odds, mouths.log_odds_of_rhythm(line, found.dashes))
     chance = chance_of_line(odds)
     why = why or (AT_MOUTHS if chance < LEAST_LINE_CHANCE else "")
