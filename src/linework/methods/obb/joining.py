@@ -32,7 +32,12 @@ from linework.methods.obb.candidates import (
 from linework.methods.obb.open_land import weighed_by_width
 from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
-from linework.methods.tracking.against_paint import BrightStrips, is_other_strip
+from linework.methods.tracking.against_paint import (
+    STRIP_BESIDE,
+    BrightStrips,
+    chances_beside_paint,
+    is_other_strip,
+)
 from linework.methods.tracking.arrangement import (
     BEHIND_KERB_M,
     DRIVEN_OVER,
@@ -55,6 +60,7 @@ from linework.methods.tracking.arrangement import (
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.channels import has_footway_behind, on_channels, within_carriageway
 from linework.methods.tracking.edge_roles import edge_roles
+from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
 from linework.methods.tracking.guides import LEAST_GUIDE_M, by_length, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
 from linework.methods.tracking.mouths import Mouths
@@ -228,6 +234,8 @@ def find_paint(now: Joining) -> Joining:
     sides = half_lane_sides(axes_of_lines(markings), [*long, *axes_of_lines(now.boundaries)], HALF_LANE_M)
     markings, symbols, rows = marking_lines.without_symbols(stripes, markings, sides, now.is_visible, strips)
     other = [*other, *symbols]
+    markings, stone = _without_strips(markings, stripes)
+    now = _aside(now, left_out(stone, "lane_marking", STRIP_BESIDE))
     if now.keeps_candidates:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
@@ -236,6 +244,21 @@ def find_paint(now: Joining) -> Joining:
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
         now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in [*unlikely, *rows]])
     return replace(now, markings=markings, other=other)
+
+
+def _without_strips(
+    markings: Sequence[SmoothMarking], stripes: BoxSet
+) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
+    """Return markings that are paint beside others, as sure as that leaves them, and strips of stone beside paint."""
+    contrast = np.array([np.median(stripes.contrast[m.boxes]) - 1.0 for m in markings])
+    width_m = np.array([m.width_m for m in markings])
+    chance = chances_beside_paint(axes_of_lines(markings), contrast, width_m)
+    judged = [replace(m, confidence=m.confidence * c) for m, c in zip(markings, chance.tolist(), strict=True)]
+    is_paint = (chance >= LEAST_PIECE_SCORE).tolist()
+    return (
+        [m for m, yes in zip(judged, is_paint, strict=True) if yes],
+        [m for m, yes in zip(judged, is_paint, strict=True) if not yes],
+    )
 
 
 def keep_consistent(now: Joining) -> Joining:

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
+from linework.methods.tracking.neighbours import LineAxis, find_neighbours
 from linework.methods.tracking.smooth import SmoothLine
 from linework.model.boxes import BoxSet
 
@@ -33,9 +35,19 @@ UNEVEN_M, DROPPED_KERB_M, STONE_SHARE = 0.004, 0.03, 0.1
 #: Standard deviation over the median of the distances from the median, of a normal distribution; boxes of a stretch (8 m),
 #: and fewest stretches that show how uneven the ground is.
 MEDIAN_SPREAD, RISES_OF_STRETCH, LEAST_STRETCHES = 1.4826, 16, 3
+#: Lines nearer to each other than a van is wide are drawn together, or one is none. [m]
+DRAWN_TOGETHER_M = 1.8
+#: Standard deviations of logarithms where they are: of contrasts, as wear differs from line to line, and of widths, for two
+#: generations of one line. Broad lines are twice as wide as narrow ones (Vienna convention of 1968), 2.5 times at most.
+SAME_PAINT, SAME_WIDTH, BROADER = 0.35, 0.2, math.log(2.5)
+#: Ranges of these logarithms for strips of stone: from a tenth as bright to as bright, from as wide to five times as wide.
+FAINTER_STRIP, WIDER_STRIP = 2.3, 1.6
+#: Logarithm of the odds that what is bright beside a line is another line: 20 to 1, where neither tells.
+BESIDE_LOG_ODDS = 3.0
 #: Why a line is more likely something else than paint.
 NARROW = "narrower than paint: a rail or a joint"
 OTHER_STRIP = "no paint: it fades at its sides, or lies between two materials"
+STRIP_BESIDE = "strip of stone: fainter and wider than the line of paint beside it"
 ON_STEP = "stone of a dropped kerb: the ground on one side is higher along all of it"
 
 
@@ -94,6 +106,43 @@ class BrightStrips:
         return score
 
 
+def chances_beside_paint(axes: Sequence[LineAxis], contrast: FloatArray, width_m: FloatArray) -> FloatArray:
+    """Return the chance that each line is paint by how bright and how wide it is beside another one, (m,).
+
+    Lines drawn beside each other have one paint, whatever their widths, or are two generations of one line. Strips of stone
+    along the edge of a pavement are fainter than the edge line before them, and wider.
+
+    Parameters
+    ----------
+    contrast
+        (m,) by how much each is brighter than the road, over the road; NaN where that is unknown. [-]
+    width_m
+        (m,) of each. [m]
+    """
+    chance = np.ones(len(axes))
+    n_stations = np.array([len(axis.xy) for axis in axes], dtype=np.int64)
+    beside = find_neighbours(axes, DRAWN_TOGETHER_M)
+    pairs, n_beside = np.unique(np.column_stack([beside.line, beside.other]), axis=0, return_counts=True)
+    for (line, other), n in zip(pairs.tolist(), n_beside.tolist(), strict=True):
+        fainter = contrast[line] / contrast[other]
+        # What is as bright as the line beside it, and what is beside it here and there, says nothing of it
+        if 2 * n > n_stations[line] and 0.0 < fainter < 1.0 and width_m[line] > width_m[other]:
+            fainter, wider = math.log(fainter), math.log(width_m[line] / width_m[other])
+            too_broad = -0.5 * (max(wider - BROADER, 0.0) / SAME_WIDTH) ** 2
+            as_paint = max(
+                _log_density(fainter, SAME_PAINT) + too_broad + math.log(FAINTER_STRIP),
+                _log_density(wider, SAME_WIDTH) + math.log(WIDER_STRIP),
+            )
+            odds = BESIDE_LOG_ODDS + as_paint
+            chance[line] = min(chance[line], 1.0 / (1.0 + math.exp(-odds)))
+    return chance
+
+
+def _log_density(value: float, spread: float) -> float:
+    """Return the logarithm of the density of a normal distribution about 0."""
+    return -0.5 * (value / spread) ** 2 - math.log(math.sqrt(2.0 * math.pi) * spread)
+
+
 def why_not_paint(width_m: float, score: float, one_plane: float) -> str:
     """Return why a line is more likely something else than paint, "" where it is wide enough and its boxes are paint.
 
@@ -134,10 +183,12 @@ def chance_of_one_plane(boxes: BoxSet, box: IntArray) -> float:
     # The stone of a kerb has its step everywhere: ground that is as uneven from one stretch to the next has none. A line
     # too short for stretches has boxes that err together
     stretches = np.array_split(rise, len(rise) // RISES_OF_STRETCH)
+    spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
     if len(stretches) >= LEAST_STRETCHES:
-        spread = float(np.std([np.median(part) for part in stretches], ddof=1))
-    else:
-        spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
+        # Few stretches may agree by chance: they differ by what the noise of their boxes makes of a median, of which two
+        # neighbours share half of their points
+        noise = math.sqrt(0.5 * math.pi) * spread / math.sqrt(0.5 * len(rise) / len(stretches))
+        spread = max(float(np.std([np.median(part) for part in stretches], ddof=1)), noise)
     sigma = math.hypot(UNEVEN_M, spread)
     paint = math.exp(-0.5 * (median / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
     # A stone has any height up to that of a dropped kerb, and is seen with the same error as paint
