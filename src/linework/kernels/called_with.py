@@ -175,6 +175,14 @@ paint.stripes_ahead.cells_ahead = paint boundaries
     f8:2C i8:1C (f8,i8,i8,i8,i8) f8:2C b1:1C f8
 paint.stripes_all.all_stripes = paint boundaries
     f8:2C i8:1C (f8,i8,i8,i8,i8) i8:1C f8:2C f8:1C f8
+radon.bands.bands_of_rows = rails
+    f8:2C i8
+radon.bands.fold_of_rows = rails
+    f8:2C f8:1C f8
+radon.bands.middles_of_rows = rails
+    f8:2C f8:1C
+radon.bands.number_near = rails
+    f8:2C f8:1C f8:1C f8
 radon.corridor.find_beam_starts = rails
     f8:2C i8:1C i8 i8 f8 f8:2C f8:1C radon.corridor.BeamShape(f8,f8,f8,f8,f8,f8,f8,f8,f8) f8:2C
 radon.follow.follow_sheets = rails

@@ -61,6 +61,8 @@ def likeliest_view(
             for i in range(len(cells)):
                 column = min(max(cells[i, 1] - place + middle, 0), views.shape[2] - 1)
                 cost -= number[i] * views[view, cells[i, 0], column]
+                if cost >= best:  # shares are less than 1: costs only grow
+                    break
             if cost < best:
                 best, best_place = cost, place
     return best, best_place

@@ -10,13 +10,14 @@ Separate from `sections`, which finds the bars: this explains one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import erf
 
 import numpy as np
 
 from linework.arrays import AnyArray, Float32Array, FloatArray
 from linework.kernels.radon import outlines as kernels
+from linework.kernels.radon.bands import fold_of_rows
 from linework.methods.rails import fitted
 
 #: Side of the cells of a section: half of the thinnest rope that still returns beams; half of that is the width of the
@@ -48,6 +49,8 @@ _BLUR_SIGMAS = 0.84
 _LEAST_HALF_M = 0.02
 #: Beams on an outline, of each side, that a view is drawn with; and half of its width: the section's and the places'. [m]
 _BEAMS, _HALF_VIEW_M = 60, 0.50
+_N_BESIDE = round(_HALF_VIEW_M / _PLACE_STEP_M)
+_COLUMNS = np.arange(-_N_BESIDE, _N_BESIDE + 1, dtype=np.float64) * _PLACE_STEP_M
 #: Farthest that a middle is sought from where the points' own middle puts it. [columns]
 _NEAR = 6
 #: Views that are kept: of three outlines of 17 heights with 12 noises.
@@ -108,19 +111,8 @@ def fold_of(counts: FloatArray, u: FloatArray) -> float:
     >>> [round(fold_of(r.astype(float), edges[:-1] + 0.005), 2) for r in rows]
     [0.0, 0.03]
     """
-    columns = counts.sum(axis=0)
-    middle = float(u[int(np.argmax(np.cumsum(columns) >= 0.5 * columns.sum()))])
-    own = counts[:, np.abs(u - middle) <= _MOST_ACROSS_M / 2.0]
-    at = u[np.abs(u - middle) <= _MOST_ACROSS_M / 2.0]
-    number = own.sum(axis=1)
-    own, number = own[number > 0.0], number[number > 0.0]
-    n, k = float(number.sum()), len(number)
-    if n <= k:
-        return 0.0
-    mean = own @ at / number
-    within = float((own @ at**2 - number * mean**2).sum()) / (n - k)
-    between = float((number * (mean - np.average(mean, weights=number)) ** 2).sum()) - (k - 1) * within
-    return float(np.sqrt(max(between / n, 0.0)))
+    fold: float = fold_of_rows(counts, u, 0.5 * _MOST_ACROSS_M)
+    return fold
 
 
 def is_folded(fold_m: float) -> bool:
@@ -201,49 +193,46 @@ def views_of(outline: str, n_rows: int, noise_m: tuple[float, float]) -> Float32
     noise_m
         Standard deviations of the points across and in height. [m]
     """
-    half, beams = half_height_m(n_rows, noise_m[1]), (np.arange(_BEAMS) + 0.5) / _BEAMS * 2.0 - 1.0
-    if outline == "flat":
-        seen = [_blurred(np.column_stack([0.0 * beams, half * beams]), np.ones(_BEAMS), n_rows, noise_m)]
+    half = half_height_m(n_rows, noise_m[1])
+    beams = (np.arange(_BEAMS) + 0.5) / _BEAMS * 2.0 - 1.0
+    heights: FloatArray = (np.arange(n_rows, dtype=np.float64) + 0.5 - 0.5 * n_rows) * SECTION_CELL_M
+    across, upward = partial(_blurred, _COLUMNS, noise_m[0]), partial(_blurred, heights, noise_m[1])
+    if outline == "pipe":
+        points = [_pipe(half, beams, angle).T for angle in _ELEVATIONS_RAD]
+        # Not a product of matrices, whose last bits depend on the threads of the library that does it
+        right = [np.einsum("zb,ub->zu", upward(height), across(u)) for u, height in points]
     else:
-        seen = []
-        for elevation in _ELEVATIONS_RAD:
-            points, weight = (
-                _pipe(half, beams, elevation) if outline == "pipe" else _box(half, beams, elevation)
-            )
-            right = _blurred(points, weight, n_rows, noise_m)
-            left = right[:, ::-1]
-            seen += [right, left, 0.5 * (right + left)]
-    shares = np.stack(seen)
+        # What is even upwards or across, a face or a top, has the same density in all rows or columns that it fills
+        middle = half if outline == "box" else 0.0
+        face = np.outer(upward(half * beams).sum(axis=1), across(middle))
+        if outline == "flat":
+            return _log_shares(face[None])
+        top = np.outer(upward(half), across(half * beams).sum(axis=1))
+        right = [np.cos(angle) * face + np.sin(angle) * top for angle in _ELEVATIONS_RAD]
+    one = _log_shares(np.stack(right))
+    both = _log_shares(np.stack([0.5 * (seen + seen[:, ::-1]) for seen in right]))
+    views: Float32Array = np.stack([one, one[:, :, ::-1], both], axis=1).reshape(-1, *one.shape[1:])
+    return views
+
+
+def _log_shares(density: FloatArray) -> Float32Array:
+    """Return the logarithms of the share of points in each cell, from the density (v, rows, columns) on an outline."""
     # A cell is two columns wide
-    shares *= 2.0 / shares.sum(axis=(1, 2), keepdims=True)
-    evenly = 1.0 / (n_rows * 2.0 * _HALF_VIEW_M / SECTION_CELL_M)
-    return np.log((1.0 - _ELSEWHERE) * shares + _ELSEWHERE * evenly).astype(np.float32)
+    shares = density * (2.0 / density.sum(axis=(1, 2), keepdims=True))
+    evenly = 1.0 / (density.shape[1] * 2.0 * _HALF_VIEW_M / SECTION_CELL_M)
+    return np.asarray(np.log((1.0 - _ELSEWHERE) * shares + _ELSEWHERE * evenly), np.float32)
 
 
-def _pipe(half: float, beams: FloatArray, elevation: float) -> tuple[FloatArray, FloatArray]:
-    """Return where beams (n,) from the right meet a pipe, (n, 2) across and height [m], and their weights (n,)."""
+def _pipe(half: float, beams: FloatArray, elevation: float) -> AnyArray:
+    """Return where beams (n,) from the right meet a pipe, (n, 2) across and height. [m]."""
     facing = np.array([np.cos(elevation), np.sin(elevation)])
     upward = np.array([-np.sin(elevation), np.cos(elevation)])
-    points = half * (np.sqrt(1.0 - beams**2)[:, None] * facing + beams[:, None] * upward)
-    return points, np.ones(len(beams))
+    return np.asarray(half * (np.sqrt(1.0 - beams**2)[:, None] * facing + beams[:, None] * upward))
 
 
-def _box(half: float, beams: FloatArray, elevation: float) -> tuple[FloatArray, FloatArray]:
-    """Return where beams from the right meet the face and the top of a square tube, as `_pipe` does."""
-    level = np.full(len(beams), half)
-    points = np.concatenate([np.column_stack([level, half * beams]), np.column_stack([half * beams, level])])
-    return points, np.repeat([np.cos(elevation), np.sin(elevation)], len(beams))
-
-
-def _blurred(points: FloatArray, weight: FloatArray, n_rows: int, noise_m: tuple[float, float]) -> FloatArray:
-    """Return the density (rows, columns) of points (n, 2) with noise, the middle of the outline in the middle."""
-    z = (np.arange(n_rows) + 0.5 - 0.5 * n_rows) * SECTION_CELL_M
-    n = round(_HALF_VIEW_M / _PLACE_STEP_M)
-    u = np.arange(-n, n + 1) * _PLACE_STEP_M
-    in_height = np.exp(-0.5 * ((z[:, None] - points[:, 1]) / noise_m[1]) ** 2)
-    across = np.exp(-0.5 * ((u[:, None] - points[:, 0]) / noise_m[0]) ** 2)
-    # Not a product of matrices, whose last bits depend on the threads of the library that does it
-    return np.asarray(np.einsum("zb,ub->zu", in_height * weight, across))
+def _blurred(cells: FloatArray, noise_m: float, at: float | FloatArray) -> FloatArray:
+    """Return the density in cells (n,) of points (k,) along a line with noise, (n, k). [m]."""
+    return np.asarray(np.exp(-0.5 * ((cells[:, None] - at) / noise_m) ** 2))
 
 
 def _face_m(outline: str, half: float) -> float:
@@ -257,8 +246,8 @@ def _places(offset_m: float, middle_m: float | None) -> AnyArray:
     if middle_m is None:
         return np.arange(-most, most + 1)
     about = [round((middle_m + side * offset_m) / _PLACE_STEP_M) for side in (-1, 0, 1)]
-    near = {min(max(place + k, -most), most) for place in about for k in range(-_NEAR, _NEAR + 1)}
-    return np.array(sorted(near), dtype=np.int64)
+    tried = np.add.outer(about, np.arange(-_NEAR, _NEAR + 1))
+    return np.unique(np.clip(tried, -most, most))
 
 
 def _distance_m(outline: str, points: FloatArray, half: float) -> FloatArray:

@@ -12,12 +12,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import sections as kernels
+from linework.kernels.radon.bands import (
+    BAND_SHARE,
+    DENSE_POINTS,
+    GAP_CELLS,
+    bands_of_rows,
+    middles_of_rows,
+    number_near,
+)
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import RAIL_BAND_M, Bins, CircleConfig
 from linework.methods.rails.outlines import (
@@ -38,25 +47,12 @@ HALF_SECTION_M = 0.30
 DEPTHS_M = (-1.75, 1.35)
 #: Above the ground, below this, is what grows there. [m]
 OVER_GRASS_M = 0.15
-#: Deepest gap inside a band of few points, after densities are averaged over as much: the spacing of the rays on a face a
-#: few metres off. [cells]
-_GAP_CELLS = 3
-#: Points of the densest cells from which on a cell that holds a fifth of them is not one by chance: 3 of 15 expected.
-_DENSE_POINTS = 15.0
 #: Half of the distance of a folded beam's crests (0.194 m): seen from above, a crest hides no more below it. [m]
 FOLD_M = 0.097
 #: What is in view of a crest is higher than this; a rope is not. [m]
 LEAST_CREST_M = 0.065
 #: Height of what is seen of a top from above: its noise. [m]
 TOP_HEIGHT_M = 0.03
-#: Bands end where their density falls below this share of the densest 8 cm.
-_BAND_SHARE = 0.2
-#: Cells that the density of reference is taken over: 8 cm, of which the ropes of a cable barrier fill as many.
-_DENSEST = 8
-#: Fewest points of a section: at fewer a band cannot be told from its gaps.
-_LEAST_POINTS = 60
-#: A band with a smaller share of the points is what stands behind: posts, twigs.
-_LEAST_SHARE = 0.06
 #: Heights of bands, each the size of the thing and 1 cm of noise at either edge, or the share of it that is in view. [m]
 #: W-beam: 0.31 (EN 1317 A and B, AASHTO M 180), of which 0.21 and their noise are in view where its upper lip and what is below the lower
 #: crest, 0.194 m under the upper one, are hidden. Thrie beam: 0.506 (MASH RTM08a).
@@ -241,22 +237,19 @@ def _form_over(
 
     `seen` keeps its bands by their edges: over whatever ground, they are the same.
     """
-    z, u = _centres(counts)
-    found = np.where((z > OVER_GRASS_M - above_ground_m)[:, None], counts, 0.0)
-    if found.sum() < _LEAST_POINTS:
+    z, u = _centres(*counts.shape)
+    edges = _bands(bands_of_rows(counts, _rows(z, OVER_GRASS_M - above_ground_m).start), z)
+    if not edges:  # points at many heights, none of which is dense: leaves and stalks; or few points
         return NOTHING
-    edges = _bands(found.sum(axis=1), z)
-    if not edges:  # points at many heights, none of which is dense: leaves and stalks
-        return NOTHING
-    if edges[0][1] > min(DEPTHS_M[1], RAIL_BAND_M[1] - above_ground_m) - _GAP_CELLS * SECTION_CELL_M:
+    if edges[0][1] > min(DEPTHS_M[1], RAIL_BAND_M[1] - above_ground_m) - GAP_CELLS * SECTION_CELL_M:
         # A wall goes on above what is looked at: what ends with that has no upper edge
         return NOTHING
     on_m = on_outline_m(noise_m)
-    seen |= {edge: _explained(found, z, u, edge, on_m) for edge in edges if edge not in seen}
+    seen |= {edge: _explained(counts, z, u, edge, on_m) for edge in edges if edge not in seen}
     bands = tuple(seen[edge] for edge in edges)
     edge_m = _edge_of_concrete(counts, bands[0], above_ground_m, on_m, foot) if len(bands) == 1 else None
     if edge_m is not None:
-        faced = _faced(_under_lid(found, z, bands[0]), u, on_m)
+        faced = _faced(_under_lid(counts, z, bands[0]), u, on_m)
         face = replace(bands[0], axis_m=edge_m, explained=faced)
         return SectionForm("barrier", "concrete", (face,), hangs=False)
     return _form(bands, above_ground_m, noise_m, hangs=_hangs(counts, bands[-1], above_ground_m))
@@ -266,39 +259,36 @@ def _hangs(counts: FloatArray, lowest: Band, above_ground_m: float) -> bool:
     """Return whether it is clear under the lowest band: its points end there, above the grass or the ground."""
     if above_ground_m + lowest.low_m >= OVER_GRASS_M + HANGS_M:
         return True
-    z, u = _centres(counts)
-    number = counts[:, np.abs(u - lowest.axis_m) <= _MOST_UNDER_M].sum(axis=1)
-    under = (z > lowest.low_m - CLEAR_UNDER_M[1]) & (z < lowest.low_m - CLEAR_UNDER_M[0])
-    under &= z > OVER_GROUND_M - above_ground_m
-    own = (z > lowest.low_m) & (z < lowest.high_m)
-    return bool(under.any() and np.mean(number[under]) < _BAND_SHARE * np.mean(number[own]))
+    z, u = _centres(*counts.shape)
+    least, most = lowest.low_m - CLEAR_UNDER_M[1], lowest.low_m - CLEAR_UNDER_M[0]
+    under = counts[_rows(z, max(least, OVER_GROUND_M - above_ground_m), most)]
+    own = counts[_rows(z, lowest.low_m, lowest.high_m)]
+    if not len(under):
+        return False
+    in_under, in_own = (
+        number_near(part, u, np.full(len(part), lowest.axis_m), _MOST_UNDER_M)[0] / len(part)
+        for part in (under, own)
+    )
+    return bool(in_under < BAND_SHARE * in_own)
 
 
-def _centres(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    n_z, n_u = counts.shape
+@lru_cache
+def _centres(n_z: int, n_u: int) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (n_z,) and (n_u,) of cells in height and across. [m]."""
     rows, columns = (np.arange(n, dtype=np.float64) + 0.5 for n in (n_z, n_u))
     return DEPTHS_M[0] + rows * SECTION_CELL_M, columns * SECTION_CELL_M - HALF_SECTION_M
 
 
-def _bands(number: FloatArray, z: FloatArray) -> list[tuple[float, float]]:
-    """Return lower and upper edges of the bands of heights with points, the highest first. [m]."""
-    reference = float(np.mean(np.sort(number)[-_DENSEST:]))
-    smooth, gap = number, 1
-    if reference < _DENSE_POINTS:
-        # Too few for gaps to mean anything in one cell; averages reach one cell farther than the points
-        smooth, gap = np.convolve(number, np.full(_GAP_CELLS, 1.0 / _GAP_CELLS), mode="same"), _GAP_CELLS
-        reference = float(np.mean(np.sort(smooth)[-_DENSEST:]))
-    at = np.flatnonzero((smooth >= _BAND_SHARE * reference) & (number > 0.0))
-    runs = np.split(at, np.flatnonzero(np.diff(at) > gap + 1) + 1)
-    total = number.sum()
-    kept = [
-        run for run in runs if len(run) > 1 and number[run[0] : run[-1] + 1].sum() >= _LEAST_SHARE * total
-    ]
+def _rows(z: FloatArray, above_m: float, below_m: float = np.inf) -> slice:
+    """Return which of the rising heights (n,) lie between two others. [m]."""
+    return slice(int(np.searchsorted(z, above_m, side="right")), int(np.searchsorted(z, below_m)))
+
+
+def _bands(rows: IntArray, z: FloatArray) -> list[tuple[float, float]]:
+    """Return lower and upper edges of bands of rows (k, 2), of beams each, the highest first. [m]."""
     bands: list[tuple[float, float]] = []
-    for low, high in [
-        (float(z[run[0]] - 0.5 * SECTION_CELL_M), float(z[run[-1]] + 0.5 * SECTION_CELL_M))
-        for run in kept[::-1]
-    ]:
+    for first, stop in rows[::-1].tolist():
+        low, high = float(z[first] - 0.5 * SECTION_CELL_M), float(z[stop - 1] + 0.5 * SECTION_CELL_M)
         sizes = [high - low, bands[-1][1] - bands[-1][0]] if bands else [0.0]
         apart = bands[-1][0] - high if bands else np.inf
         # Crests of one beam hide what is between them; two whole beams stand one above the other
@@ -315,18 +305,23 @@ def _explained(
 ) -> Band:
     """Return a band with the outline that explains it best: of a band of the height of a bar a plate, a pipe or a tube."""
     low, high = edges
-    rows = (z > low) & (z < high)
+    rows = _rows(z, low, high)
     own, size = counts[rows], high - low
     height = z[rows] - 0.5 * (low + high)
     is_bar = BAR_M[0] <= size <= BAR_M[1]
     fits = bars_of(own, height, u, on_m) if is_bar else (plate_of(own.sum(axis=0), u),)
-    upper = own[height > 0.5 * size - TOP_HEIGHT_M]
-    off = np.abs(u - fits[0].axis_m) > on_m
-    lower = own[height < 0.5 * size - 2.0 * TOP_HEIGHT_M]
-    at_top, below = (float(part[:, off].sum() / max(part.sum(), 1.0)) for part in (upper, lower))
+    upper = own[_rows(height, 0.5 * size - TOP_HEIGHT_M)]
+    lower = own[_rows(height, -np.inf, 0.5 * size - 2.0 * TOP_HEIGHT_M)]
+    at_top, below = (_share_off(part, u, fits[0].axis_m, on_m) for part in (upper, lower))
     chosen = min(fits, key=lambda fit: fit.cost)
     fold_m = fold_of(own, u)
     return Band(low, high, chosen.outline, chosen.axis_m, chosen.explained, at_top, fits, below, fold_m)
+
+
+def _share_off(counts: FloatArray, u: FloatArray, axis_m: float, on_m: float) -> float:
+    """Return the share of the points (heights, widths) that lie farther than `on_m` from an upright plane. [m]."""
+    near, total = number_near(counts, u, np.full(len(counts), axis_m), on_m)
+    return float((total - near) / max(total, 1.0))
 
 
 def _edge_of_concrete(
@@ -338,46 +333,37 @@ def _edge_of_concrete(
     which ends where grass may grow: half of the rows that it is looked for in are above that. `foot` is the only side
     that it may stand on, 0 for either.
     """
-    z, u = _centres(counts)
+    z, u = _centres(*counts.shape)
     foot_m = above_ground_m + band.low_m
     if foot_m > FENCE_FOOT_M or band.height_m < CONCRETE_M or band.top_share < MOST_TOP_SHARE:
         return None
     if _faced(_under_lid(counts, z, band), u, on_m) < fitted.LEAST_FACED:
         return None
-    face = _middles(counts, u)
-    upper = face[(z < band.high_m - UNDER_TOP_M[0]) & (z > band.high_m - UNDER_TOP_M[1])]
+    upper = middles_of_rows(counts[_rows(z, band.high_m - UNDER_TOP_M[1], band.high_m - UNDER_TOP_M[0])], u)
     lowest = OVER_GROUND_M - above_ground_m if foot_m < OVER_GRASS_M + CLEAR_UNDER_M[1] else band.low_m
-    lower = (z > lowest) & (z < band.low_m + FOOT_HEIGHT_M)
-    if np.isnan(upper).all() or np.isnan(face[lower]).all():
+    lower = middles_of_rows(counts[_rows(z, lowest, band.low_m + FOOT_HEIGHT_M)], u)
+    if np.isnan(upper).all() or np.isnan(lower).all():
         return None
     edge = float(np.nanmedian(upper))
-    before = float(np.nanmedian(face[lower])) - edge
-    toe = lower & (z < lowest + FOOT_HEIGHT_M)
-    slopes = abs(before) >= SLOPE_BEFORE_M and counts[toe].sum() >= _DENSE_POINTS
-    if slopes and _faced(counts[toe], u, on_m) >= fitted.LEAST_FACED:
+    before = float(np.nanmedian(lower)) - edge
+    toe = counts[_rows(z, lowest, min(band.low_m, lowest) + FOOT_HEIGHT_M)]
+    slopes = abs(before) >= SLOPE_BEFORE_M and toe.sum() >= DENSE_POINTS
+    if slopes and _faced(toe, u, on_m) >= fitted.LEAST_FACED:
         # One surface down to there, which grass is not
-        before = float(np.nanmedian(face[toe])) - edge
+        before = float(np.nanmedian(middles_of_rows(toe, u))) - edge
     is_on_side = before * foot >= 0.0 and -edge * np.sign(before) >= -on_m
     return edge if is_on_side and FOOT_BEFORE_M[0] <= abs(before) <= FOOT_BEFORE_M[1] else None
 
 
-def _middles(counts: FloatArray, u: FloatArray) -> FloatArray:
-    """Return the median across (heights,) of the points at each height; NaN where there are none."""
-    total = counts.sum(axis=1)
-    half = np.argmax(np.cumsum(counts, axis=1) >= 0.5 * total[:, None], axis=1)
-    return np.where(total > 0.0, u[half], np.nan)
-
-
 def _under_lid(counts: FloatArray, z: FloatArray, band: Band) -> FloatArray:
-    """Return the points (heights, widths) of a band from 6 cm below its upper edge down: under a lid."""
-    face = (z > band.low_m) & (z < band.high_m - 2.0 * TOP_HEIGHT_M)
-    return np.where(face[:, None], counts, 0.0)
+    """Return the points (rows, widths) of a band from 6 cm below its upper edge down: under a lid."""
+    return counts[_rows(z, band.low_m, band.high_m - 2.0 * TOP_HEIGHT_M)]
 
 
 def _faced(counts: FloatArray, u: FloatArray, on_m: float) -> float:
     """Return the share of the points that lie near the middle of those at their height: on one surface."""
-    near = np.abs(u[None] - np.nan_to_num(_middles(counts, u))[:, None]) <= on_m
-    return float(np.sum(counts * near) / max(counts.sum(), 1.0))
+    near, total = number_near(counts, u, middles_of_rows(counts, u), on_m)
+    return float(near / max(total, 1.0))
 
 
 def _form(bands: tuple[Band, ...], above_ground_m: float, noise_m: float, *, hangs: bool) -> SectionForm:
