@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
+from linework.kernels.tracking.beside import stations_beside
 
 #: Distance of the stations at which lines are compared. [m]
 AXIS_STATION_M = 2.0
@@ -117,15 +118,9 @@ def find_neighbours(axes: Sequence[LineAxis], reach_m: float) -> Neighbours:
         none = np.zeros(0, dtype=np.int64)
         return Neighbours(none, none, none, np.zeros(0), np.zeros(0))
     pairs = cKDTree(xy).query_pairs(np.hypot(reach_m, _ALONG_M), output_type="ndarray").astype(np.int64)
-    # Most pairs are of one line: they are left out before all others are turned round
-    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
-    a, b = np.concatenate([pairs, pairs[:, ::-1]]).T
-    step = xy[b] - xy[a]
-    across = np.sum(step * normal[a], axis=1)
-    along = np.abs(normal[a, 1] * step[:, 0] - normal[a, 0] * step[:, 1])
-    facing = np.sum(normal[a] * normal[b], axis=1)
-    beside = (along <= _ALONG_M) & (np.abs(across) <= reach_m) & (np.abs(facing) > _PARALLEL)
-    a, b, across, facing = a[beside], b[beside], across[beside], facing[beside]
+    most = (_ALONG_M, float(reach_m), _PARALLEL)
+    found, how = stations_beside(pairs, owner, xy, normal, most)
+    (a, b), (across, facing) = found.T, how.T
     # Of the stations of one other line, the nearest
     order = np.lexsort((np.abs(across), owner[b], a))
     a, b, across, facing = a[order], b[order], across[order], facing[order]
