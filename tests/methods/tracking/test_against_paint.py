@@ -13,8 +13,10 @@ from linework.methods.tracking.against_paint import (
     OTHER_STRIP,
     BrightStrips,
     chance_of_one_plane,
+    chances_beside_paint,
     is_other_strip,
 )
+from linework.methods.tracking.neighbours import LineAxis
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxSet
 from linework.model.lines import CANDIDATE
@@ -136,3 +138,37 @@ def test_a_stone_that_is_no_line_does_not_come_back_in_pieces():
     rise = 0.02 * np.sign(stones.u[:, 0]) + 0.003 * np.random.default_rng(1).normal(size=len(stones))
     lines = joined(replace(stones, height_m=rise))
     assert set(lines.kind) == {CANDIDATE}
+
+
+def test_few_stretches_that_agree_by_chance_are_no_stone():
+    # Boxes that err by 5 cm each, of which three stretches of 16 have a median of 2 cm
+    rng = np.random.default_rng(2)
+    some = 0.05 * rng.normal(size=(3, 16))
+    rise = (some - np.median(some, axis=1, keepdims=True) + np.array([[0.019], [0.021], [0.02]])).ravel()
+    assert one_plane(rise) > 0.8
+
+
+def beside(offset_m, contrast, width_m, *, length_m=60.0):
+    """Chance of a line of paint beside one of 60 m, 2.0 brighter than the road and 0.1 m wide."""
+    t, x = np.array([0.0, 60.0]), np.array([0.0, length_m])
+    axes = [
+        LineAxis.of(t, np.array([[0.0, 0.0], [60.0, 0.0]])),
+        LineAxis.of(x, np.array([[0.0, offset_m], [length_m, offset_m]])),
+    ]
+    first, chance = chances_beside_paint(axes, np.array([2.0, contrast]), np.array([0.1, width_m]))
+    assert first == 1.0, "the brighter one is paint whatever is beside it"
+    return chance
+
+
+def test_a_strip_of_stone_is_fainter_and_wider_than_the_line_of_paint_beside_it():
+    assert beside(0.5, 0.6, 0.45) < 0.1
+    assert beside(0.3, 2.0, 0.25) == 1.0, "a broad line of the same paint"
+    assert beside(0.3, 1.7, 0.25) > 0.95, "a broad line, a little worn"
+    assert beside(0.3, 0.7, 0.11) > 0.8, "an older line as wide"
+    assert beside(2.5, 0.6, 0.45) == 1.0, "the line of another lane"
+    assert beside(0.5, np.nan, 0.45) == 1.0, "nobody knows how bright it is"
+    assert beside(0.5, 0.6, 0.08) == 1.0, "narrower"
+
+
+def test_a_line_says_nothing_of_a_strip_most_of_which_lies_elsewhere():
+    assert beside(0.5, 0.6, 0.45, length_m=150.0) == 1.0

@@ -2,12 +2,19 @@
 
 import numpy as np
 import pytest
-from tests.scenes.box_scenes import boxes_on, everything_seen, nothing_seen, straight
+from tests.scenes.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
 from linework.methods.obb.method import Obb
 from linework.methods.protocol import SurveyContext
 from linework.methods.tracking import marking_lines
-from linework.methods.tracking.line_odds import BARE_ROW, SYMBOLS, log_odds, odds_of_line
+from linework.methods.tracking.line_odds import (
+    BARE_ROW,
+    POINT_ELSEWHERE,
+    SYMBOLS,
+    log_odds,
+    log_odds_of_bend,
+    odds_of_line,
+)
 from linework.methods.tracking.neighbours import LineAxis, half_lane_sides
 from linework.methods.tracking.pattern import PaintRhythm
 from linework.methods.tracking.smooth import smooth_line
@@ -68,6 +75,38 @@ def test_a_row_as_far_apart_as_arrows_in_the_middle_of_a_lane_is_no_line(sides, 
     line = smooth_line(boxes, np.argsort(boxes.centre[:, 0]), (0.0, 0.0))
     odds = odds_of_line(line, dashes, PaintRhythm(period_m, 3.0, 1.0), dashes, everything_seen, sides)
     assert (odds > 0.0) == is_line
+
+
+def on_ring(radius_m, dash_m, period_m, n):
+    """Boxes of dashes on a left-hand bend, and the dashes (n, 2) along it [m]."""
+    starts = period_m * np.arange(n)
+    xy, u = bend(radius_m, (starts[-1] + dash_m) / radius_m)
+    t = 0.2 + 0.45 * np.arange(len(xy))
+    own = ((t[:, None] >= starts) & (t[:, None] <= starts + dash_m)).any(axis=1)
+    return boxes_on((xy[own], u[own]), noise=0.003, flip=False), starts[:, None] + np.array([0.0, dash_m])
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "dash_m", "period_m", "least", "most"),
+    [
+        (17.0, 4.0, 21.0, -200.0, -20.0),  # Between the arms of a roundabout
+        (6.0, 1.0, 2.0, -0.2, 0.0),  # A lane of a small one
+        (60.0, 3.0, 12.0, -0.5, 0.0),  # A country road
+    ],
+)
+def test_dashes_point_at_one_another(radius_m, dash_m, period_m, least, most):
+    boxes, dashes = on_ring(radius_m, dash_m, period_m, 4)
+    line = smooth_line(boxes, np.arange(len(boxes)), (0.0, 0.0))
+    assert least <= log_odds_of_bend(line, PaintRhythm(period_m, dash_m, 1.0), dashes) <= most
+
+
+def test_pieces_between_the_arms_of_a_ring_are_lines_of_their_own():
+    boxes, _ = on_ring(17.0, 4.6, 21.0, 4)
+    one = Tracks(np.arange(len(boxes)), np.ones(len(boxes)), np.array([0, len(boxes)]))
+    lines, _ = marking_lines.marking_lines(boxes, one, everything_seen)
+    assert [round(float(np.ptp(m.paint)), 1) for m in lines] == pytest.approx([4.5] * 4, abs=0.5)
+    unlikely = marking_lines.unlikely_lines(boxes, one, everything_seen)
+    assert [m.why_unlikely for m in unlikely] == [POINT_ELSEWHERE]
 
 
 def joined(boxes, **choices):

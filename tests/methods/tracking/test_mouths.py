@@ -101,6 +101,17 @@ def test_a_line_goes_on_where_what_is_beside_it_is_hidden():
     assert len(hidden) == 1
 
 
+def test_a_gap_is_not_explained_by_the_wear_that_it_would_be():
+    # 12 m of crisp paint, in which 17 m are bare: nothing else says that the line is worn
+    crisp = paint((np.array([3.0]), 17.0), (np.array([32.0]), 140.0))
+    (line,) = lines_through(crisp)
+    assert line == pytest.approx((20.0, 32.0), abs=0.6)
+    # Where most of the rest is gone, too, it is a worn line
+    worn = boxes_on(straight(90.0), keep=0.3, seed=2)
+    x = worn.centre[:, 0]
+    assert len(lines_through(worn.take((x < 40.0) | (x > 49.0)))) == 1
+
+
 def test_a_worn_line_goes_on_between_mouths():
     # Each gap alone is as long as wear makes them where as much is worn as here
     bare = np.arange(10.0, 160.0, 12.0)

@@ -124,10 +124,10 @@ def chances_beside_paint(axes: Sequence[LineAxis], contrast: FloatArray, width_m
     beside = find_neighbours(axes, DRAWN_TOGETHER_M)
     pairs, n_beside = np.unique(np.column_stack([beside.line, beside.other]), axis=0, return_counts=True)
     for (line, other), n in zip(pairs.tolist(), n_beside.tolist(), strict=True):
-        fainter = contrast[line] / contrast[other]
-        # What is as bright as the line beside it, and what is beside it here and there, says nothing of it
-        if 2 * n > n_stations[line] and 0.0 < fainter < 1.0 and width_m[line] > width_m[other]:
-            fainter, wider = math.log(fainter), math.log(width_m[line] / width_m[other])
+        # What is fainter or narrower than the line, and what is beside it here and there, says nothing of it
+        is_fainter, is_wider = 0.0 < contrast[line] < contrast[other], width_m[line] > width_m[other]
+        if 2 * n > n_stations[line] and is_fainter and is_wider:
+            fainter, wider = (math.log(v[line] / v[other]) for v in (contrast, width_m))
             too_broad = -0.5 * (max(wider - BROADER, 0.0) / SAME_WIDTH) ** 2
             as_paint = max(
                 _log_density(fainter, SAME_PAINT) + too_broad + math.log(FAINTER_STRIP),
