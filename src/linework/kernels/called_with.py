@@ -244,7 +244,7 @@ store.pack.pack_points = paint boundaries rails cables points
     f8:2C! u8:1C i4:1C i8:1C i8
 store.pack.scatter_runs = paint boundaries rails cables points
     u8:1C u2:1C! f8:1C! i4:1C i8:2C u8:1C
-tracking.beside.stations_beside = paint boundaries
+tracking.beside.stations_beside = paint boundaries pairs
     i8:2C i8:1C f8:2C f8:2C (f8,f8,f8)
 tracking.passing.passing = rails
     f8:2C i8:1C i8:1C (i8,i8,f8) (f8,f8)
