@@ -1,6 +1,7 @@
 """What speaks against paint: bright strips in the place of a line, with paint on them or without."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from linework.methods.protocol import SurveyContext
 from linework.methods.tracking import marking_lines
 from linework.methods.tracking.against_paint import (
     OTHER_STRIP,
+    STRIP_BESIDE,
     BrightStrips,
     chance_of_one_plane,
     chances_beside_paint,
@@ -148,27 +150,44 @@ def test_few_stretches_that_agree_by_chance_are_no_stone():
     assert one_plane(rise) > 0.8
 
 
-def beside(offset_m, contrast, width_m, *, length_m=60.0):
-    """Chance of a line of paint beside one of 60 m, 2.0 brighter than the road and 0.1 m wide."""
-    t, x = np.array([0.0, 60.0]), np.array([0.0, length_m])
-    axes = [
-        LineAxis.of(t, np.array([[0.0, 0.0], [60.0, 0.0]])),
-        LineAxis.of(x, np.array([[0.0, offset_m], [length_m, offset_m]])),
-    ]
-    first, chance = chances_beside_paint(axes, np.array([2.0, contrast]), np.array([0.1, width_m]))
-    assert first == 1.0, "the brighter one is paint whatever is beside it"
+def beside(offset_m, contrast, width_m, *, length_m=60.0, pieces=1, confidence=1.0):
+    """Chance of a line of paint beside one of 60 m, 2.0 brighter than the road and 0.1 m wide, in one piece or several."""
+    ends = np.linspace(0.0, 60.0, pieces + 1)
+    first = [LineAxis.of(np.array([a, b]), np.array([[a, 0.0], [b, 0.0]])) for a, b in pairwise(ends)]
+    own = LineAxis.of(np.array([0.0, length_m]), np.array([[0.0, offset_m], [length_m, offset_m]]))
+    columns = ([*[2.0] * pieces, contrast], [*[0.1] * pieces, width_m], [*[confidence] * pieces, 1.0])
+    *paint, chance = chances_beside_paint([*first, own], *(np.array(c) for c in columns)).tolist()
+    assert paint == [1.0] * pieces, "the brighter one is paint whatever is beside it"
     return chance
 
 
 def test_a_strip_of_stone_is_fainter_and_wider_than_the_line_of_paint_beside_it():
     assert beside(0.5, 0.6, 0.45) < 0.1
+    assert beside(0.5, 0.6, 0.45, pieces=3) < 0.1, "of a line in several pieces"
     assert beside(0.3, 2.0, 0.25) == 1.0, "a broad line of the same paint"
     assert beside(0.3, 1.7, 0.25) > 0.95, "a broad line, a little worn"
     assert beside(0.3, 0.7, 0.11) > 0.8, "an older line as wide"
     assert beside(2.5, 0.6, 0.45) == 1.0, "the line of another lane"
     assert beside(0.5, np.nan, 0.45) == 1.0, "nobody knows how bright it is"
     assert beside(0.5, 0.6, 0.08) == 1.0, "narrower"
+    assert beside(0.5, 0.6, 0.45, confidence=0.3) > 0.7, "what is hardly paint itself says little"
 
 
 def test_a_line_says_nothing_of_a_strip_most_of_which_lies_elsewhere():
     assert beside(0.5, 0.6, 0.45, length_m=150.0) == 1.0
+
+
+def test_a_gutter_beside_an_edge_line_is_a_candidate():
+    def stripe(y, contrast, width_m, x=80.0):
+        boxes = boxes_on(straight(x, y=y), noise=0.004)
+        n = len(boxes)
+        return replace(boxes, contrast=np.full(n, contrast), half_v_m=np.full(n, 0.5 * width_m))
+
+    edge, gutter = stripe(0.0, 3.0, 0.12), stripe(0.6, 1.6, 0.42)
+    # One box whose contrast is unknown hides no other
+    gutter = replace(gutter, contrast=np.where(np.arange(len(gutter)) == 5, np.nan, gutter.contrast))
+    lines = joined(edge, gutter)
+    assert np.abs(lines["lane_marking"].xyz[:, 1]).max() < 0.1
+    refused = lines.take((lines.kind == CANDIDATE) & (lines.reason == STRIP_BESIDE))
+    assert len(refused) == 1 and refused.confidence[0] > 0.9
+    assert len(joined(edge, stripe(0.6, 3.0, 0.24))["lane_marking"]) == 2

@@ -32,7 +32,7 @@ def bands_of_rows(counts: FloatArray, first: int) -> IntArray:
     Parameters
     ----------
     counts
-        (heights, widths) points of a section.
+        (heights, widths) points of a section, of at least 8 heights.
     first
         Rows before this one do not count: ground and grass.
     """

@@ -37,6 +37,7 @@ from linework.methods.tracking.against_paint import (
     BrightStrips,
     chances_beside_paint,
     is_other_strip,
+    median_contrast,
 )
 from linework.methods.tracking.arrangement import (
     BEHIND_KERB_M,
@@ -250,15 +251,14 @@ def _without_strips(
     markings: Sequence[SmoothMarking], stripes: BoxSet
 ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
     """Return markings that are paint beside others, as sure as that leaves them, and strips of stone beside paint."""
-    contrast = np.array([np.median(stripes.contrast[m.boxes]) - 1.0 for m in markings])
-    width_m = np.array([m.width_m for m in markings])
-    chance = chances_beside_paint(axes_of_lines(markings), contrast, width_m)
-    judged = [replace(m, confidence=m.confidence * c) for m, c in zip(markings, chance.tolist(), strict=True)]
-    is_paint = (chance >= LEAST_PIECE_SCORE).tolist()
-    return (
-        [m for m, yes in zip(judged, is_paint, strict=True) if yes],
-        [m for m, yes in zip(judged, is_paint, strict=True) if not yes],
+    contrast = np.array([median_contrast(stripes, m.boxes) for m in markings])
+    width_m, confidence = (
+        np.array([getattr(m, name) for m in markings]) for name in ("width_m", "confidence")
     )
+    chances = chances_beside_paint(axes_of_lines(markings), contrast, width_m, confidence).tolist()
+    each = list(zip(markings, chances, strict=True))
+    paint = [replace(m, confidence=m.confidence * c) for m, c in each if c >= LEAST_PIECE_SCORE]
+    return paint, [m for m, c in each if c < LEAST_PIECE_SCORE]
 
 
 def keep_consistent(now: Joining) -> Joining:

@@ -49,6 +49,7 @@ _BLUR_SIGMAS = 0.84
 _LEAST_HALF_M = 0.02
 #: Beams on an outline, of each side, that a view is drawn with; and half of its width: the section's and the places'. [m]
 _BEAMS, _HALF_VIEW_M = 60, 0.50
+#: Middles of the columns of a view. [m]
 _N_BESIDE = round(_HALF_VIEW_M / _PLACE_STEP_M)
 _COLUMNS = np.arange(-_N_BESIDE, _N_BESIDE + 1, dtype=np.float64) * _PLACE_STEP_M
 #: Farthest that a middle is sought from where the points' own middle puts it. [columns]

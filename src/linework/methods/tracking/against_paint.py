@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import expit
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
@@ -37,9 +38,11 @@ UNEVEN_M, DROPPED_KERB_M, STONE_SHARE = 0.004, 0.03, 0.1
 MEDIAN_SPREAD, RISES_OF_STRETCH, LEAST_STRETCHES = 1.4826, 16, 3
 #: Lines nearer to each other than a van is wide are drawn together, or one is none. [m]
 DRAWN_TOGETHER_M = 1.8
-#: Standard deviations of logarithms where they are: of contrasts, as wear differs from line to line, and of widths, for two
-#: generations of one line. Broad lines are twice as wide as narrow ones (Vienna convention of 1968), 2.5 times at most.
-SAME_PAINT, SAME_WIDTH, BROADER = 0.35, 0.2, math.log(2.5)
+#: Standard deviations of logarithms of ratios: of contrasts, between lines of one paint, as wear differs from line to line; of
+#: widths, between two generations of one line.
+SAME_PAINT, SAME_WIDTH = 0.35, 0.2
+#: Broad lines are twice as wide as narrow ones (Vienna convention of 1968), 2.5 times at most: logarithm.
+BROADER = math.log(2.5)
 #: Ranges of these logarithms for strips of stone: from a tenth as bright to as bright, from as wide to five times as wide.
 FAINTER_STRIP, WIDER_STRIP = 2.3, 1.6
 #: Logarithm of the odds that what is bright beside a line is another line: 20 to 1, where neither tells.
@@ -106,8 +109,17 @@ class BrightStrips:
         return score
 
 
-def chances_beside_paint(axes: Sequence[LineAxis], contrast: FloatArray, width_m: FloatArray) -> FloatArray:
-    """Return the chance that each line is paint by how bright and how wide it is beside another one, (m,).
+def median_contrast(boxes: BoxSet, box: IntArray) -> float:
+    """Return by how much boxes (k,) of a line are brighter than the road, over the road; NaN if most do not say."""
+    contrast = boxes.contrast[box]
+    known = contrast[np.isfinite(contrast)]
+    return float(np.median(known)) - 1.0 if 2 * len(known) > len(contrast) else math.nan
+
+
+def chances_beside_paint(
+    axes: Sequence[LineAxis], contrast: FloatArray, width_m: FloatArray, confidence: FloatArray
+) -> FloatArray:
+    """Return the chance that each line is paint by how bright and how wide it is beside others, (m,).
 
     Lines drawn beside each other have one paint, whatever their widths, or are two generations of one line. Strips of stone
     along the edge of a pavement are fainter than the edge line before them, and wider.
@@ -116,25 +128,33 @@ def chances_beside_paint(axes: Sequence[LineAxis], contrast: FloatArray, width_m
     ----------
     contrast
         (m,) by how much each is brighter than the road, over the road; NaN where that is unknown. [-]
-    width_m
-        (m,) of each. [m]
+    width_m, confidence
+        (m,) of each [m, 1]; what is less sure to be paint says less about what is beside it.
     """
     chance = np.ones(len(axes))
-    n_stations = np.array([len(axis.xy) for axis in axes], dtype=np.int64)
-    beside = find_neighbours(axes, DRAWN_TOGETHER_M)
-    pairs, n_beside = np.unique(np.column_stack([beside.line, beside.other]), axis=0, return_counts=True)
-    for (line, other), n in zip(pairs.tolist(), n_beside.tolist(), strict=True):
-        # What is fainter or narrower than the line, and what is beside it here and there, says nothing of it
-        is_fainter, is_wider = 0.0 < contrast[line] < contrast[other], width_m[line] > width_m[other]
-        if 2 * n > n_stations[line] and is_fainter and is_wider:
-            fainter, wider = (math.log(v[line] / v[other]) for v in (contrast, width_m))
-            too_broad = -0.5 * (max(wider - BROADER, 0.0) / SAME_WIDTH) ** 2
-            as_paint = max(
-                _log_density(fainter, SAME_PAINT) + too_broad + math.log(FAINTER_STRIP),
-                _log_density(wider, SAME_WIDTH) + math.log(WIDER_STRIP),
+    n = find_neighbours(axes, DRAWN_TOGETHER_M)
+    speaks = (contrast[n.line] > 0.0) & (contrast[n.line] < contrast[n.other])
+    speaks &= width_m[n.line] > width_m[n.other]
+    for i in np.unique(n.line[speaks]).tolist():
+        own = speaks & (n.line == i)
+        # What stands beside it here and there says nothing of it
+        if 2 * len(np.unique(n.station[own])) <= len(axes[i].xy):
+            continue
+        other = n.other[own]
+        fainter, wider, sure = (
+            float(np.median(values))
+            for values in (
+                np.log(contrast[i] / contrast[other]),
+                np.log(width_m[i] / width_m[other]),
+                confidence[other],
             )
-            odds = BESIDE_LOG_ODDS + as_paint
-            chance[line] = min(chance[line], 1.0 / (1.0 + math.exp(-odds)))
+        )
+        too_broad = -0.5 * (max(wider - BROADER, 0.0) / SAME_WIDTH) ** 2
+        as_paint = max(
+            _log_density(fainter, SAME_PAINT) + too_broad + math.log(FAINTER_STRIP),
+            _log_density(wider, SAME_WIDTH) + math.log(WIDER_STRIP),
+        )
+        chance[i] = 1.0 - sure * float(expit(-(BESIDE_LOG_ODDS + as_paint)))
     return chance
 
 
@@ -185,8 +205,8 @@ def chance_of_one_plane(boxes: BoxSet, box: IntArray) -> float:
     stretches = np.array_split(rise, len(rise) // RISES_OF_STRETCH)
     spread = MEDIAN_SPREAD * float(np.median(np.abs(rise - median)))
     if len(stretches) >= LEAST_STRETCHES:
-        # Few stretches may agree by chance: they differ by what the noise of their boxes makes of a median, of which two
-        # neighbours share half of their points
+        # Few stretches may agree by chance: they differ by what the noise of their boxes makes of a median. Neighbouring
+        # boxes share half of their points, so that half of them count
         noise = math.sqrt(0.5 * math.pi) * spread / math.sqrt(0.5 * len(rise) / len(stretches))
         spread = max(float(np.std([np.median(part) for part in stretches], ddof=1)), noise)
     sigma = math.hypot(UNEVEN_M, spread)

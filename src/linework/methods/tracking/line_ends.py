@@ -40,8 +40,8 @@ def ends_in_gaps(
 ) -> list[int]:
     """Return the boxes of a track before which its line has ended, as numbers in the track, ascending.
 
-    A gap is an end if road was measured in it, and paint that is as worn as this has one so long with less than the chance
-    `GAP_CHANCE`. Where a boundary beside the line is open as well, both must be chance; and such a gap says the less about
+    A gap is an end if road was measured in it, and paint that is as worn as this, with the gap or without it, has one so long
+    with less than the chance `GAP_CHANCE`. Where a boundary beside the line is open as well, both must be chance; and such a gap says the less about
     wear, the less likely that is: the mouths of a ring do not explain each other.
 
     Parameters
@@ -100,9 +100,10 @@ def from_longest_gap(boxes: BoxSet, box: IntArray) -> IntArray:
 def _longest_worn(length_m: float, gap: FloatArray, chance: FloatArray, is_own: BoolArray) -> FloatArray:
     """Return the longest gaps [m] that wear explains in a solid stretch with this much paint left, (n,).
 
-    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear. A gap is wear if it is not
-    too long for what is bare in all of the stretch, nor for what is bare beside the gap: one that is most of what is bare does
-    not show by itself that the line is worn. Half a patch more of each: no line is known to be whole.
+    Gaps that are longer are ends (the mouth of an arm, a crossing), and say nothing about wear. A gap counts as wear only if
+    two tests allow its length: the share of the whole stretch that is bare, and the share that is bare outside the gap.
+    Otherwise one long gap would be the only evidence of the wear that explains it. Outside, half a patch each of bare and of
+    painted line is added: no line is known to be whole.
 
     Parameters
     ----------
@@ -123,13 +124,13 @@ def _longest_worn(length_m: float, gap: FloatArray, chance: FloatArray, is_own: 
         all_m = max(length_m - other, 1.0)
         painted_m = max(all_m - float(bare.sum()), 0.0)
         gone = float(np.clip(bare.sum() / all_m, *_WORN_SHARE))
-        beside_m = bare.sum() - bare + 0.5 * PATCH_M
-        gone_beside = np.clip(beside_m / (beside_m + painted_m + 0.5 * PATCH_M), *_WORN_SHARE)
-        # Behind each patch of paint may be such a gap
-        rare = GAP_CHANCE / chance / max(painted_m / PATCH_M, 1.0)
+        elsewhere_m = bare.sum() - bare + 0.5 * PATCH_M
+        gone_elsewhere = np.clip(elsewhere_m / (elsewhere_m + painted_m + 0.5 * PATCH_M), *_WORN_SHARE)
+        # Any patch of paint may be followed by such a gap: the chance is shared among them
+        chance_per_patch = GAP_CHANCE / chance / max(painted_m / PATCH_M, 1.0)
         worn_m = PATCH_M * np.minimum(
             np.log(np.minimum(GAP_CHANCE / chance, 1.0)) / math.log(gone),
-            np.log(np.minimum(rare, 1.0)) / np.log(gone_beside),
+            np.log(np.minimum(chance_per_patch, 1.0)) / np.log(gone_elsewhere),
         )
         now: FloatArray = np.clip(worn_m, SHORT_GAP_M, LONGEST_WORN_M)
         if not (gap[is_worn] > now[is_worn]).any():

@@ -25,9 +25,11 @@ FREE_DASHES = 3
 BARE_ROW = "mostly bare road: its pieces may lie in a row by chance"
 
 SYMBOLS = "half a lane beside a line, in pieces no longer than symbols"
-#: How far beside the next dash one may point, as a standard deviation [m]: at half a lane (1.25 m and more) a driver takes
-#: the next lane's for it. 3 m and 9 m on a bend of 60 m, or 1 m and 1 m on a ring of 6 m radius, point 0.7 and 0.1 m beside it.
-_POINTS_BESIDE_M = 1.0
+#: By how much a dash misses the next one that it points at, as a standard deviation [m]: half a lane off (1.25 m and more) it
+#: points at the next lane's. Dashes of 3 m every 12 m on a bend of 60 m radius miss by 0.7 m, 1 m every 2 m on one of 6 m by 0.1.
+_MISS_M = 1.0
+#: Logarithm of the likelihood of what is two standard deviations off.
+TWO_SIGMAS = -2.0
 #: Why dashes are lines of their own.
 POINT_ELSEWHERE = "do not point at one another around a bend: lines of their own, not dashes"
 
@@ -90,7 +92,7 @@ def odds_of_line(
 
 
 def log_odds_of_bend(line: SmoothLine, rhythm: PaintRhythm, dashes: FloatArray) -> float:
-    """Return the logarithm of the likelihood of dashes (d, 2) [m] that point beside one another, 0 on a straight line.
+    """Return the logarithm of the likelihood of dashes (d, 2) [m] that miss one another, 0 on a straight line.
 
     Dashes are read as one line because each points at the next, however the line bends between them.
     """
@@ -106,8 +108,8 @@ def log_odds_of_bend(line: SmoothLine, rhythm: PaintRhythm, dashes: FloatArray) 
         before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0], np.sum(before * behind, axis=1)
     )
     # The tangent of an arc leaves it by this at its end
-    beside_m = float(np.median(0.5 * np.abs(turn) * gap[is_next]))
-    return -0.5 * (beside_m / _POINTS_BESIDE_M) ** 2
+    miss_m = float(np.median(0.5 * np.abs(turn) * gap[is_next]))
+    return -0.5 * (miss_m / _MISS_M) ** 2
 
 
 def odds_against_both(first: float, second: float) -> float:

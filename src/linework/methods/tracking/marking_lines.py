@@ -23,6 +23,7 @@ from linework.methods.tracking.line_odds import (
     BARE_ROW,
     POINT_ELSEWHERE,
     SYMBOLS,
+    TWO_SIGMAS,
     chance_of_line,
     log_odds_of_bend,
     odds_against_both,
@@ -128,7 +129,7 @@ def marking_lines(
             if m.why_unlikely == BARE_ROW:
                 other.append(_as_other_paint(boxes, m, strips))
             elif not m.why_unlikely:
-                # Between mouths a line may be short
+                # Between mouths, and around a bend, a line may be short
                 (lines if _is_line(m) or found.why_unlikely in OF_THEIR_OWN else other).append(m)
     return lines, other
 
@@ -305,8 +306,10 @@ def _marking(
     odds = odds_of_line(line, paint, rhythm, found.dashes, visible)
     why = found.why_unlikely or (BARE_ROW if chance_of_line(odds) < LEAST_LINE_CHANCE else "")
     if rhythm is not None:
-        odds += log_odds_of_bend(line, rhythm, found.dashes)
-        why = why or (POINT_ELSEWHERE if chance_of_line(odds) < LEAST_LINE_CHANCE else "")
+        bend = log_odds_of_bend(line, rhythm, found.dashes)
+        odds += bend
+        if chance_of_line(odds) < LEAST_LINE_CHANCE:
+            why = why or (POINT_ELSEWHERE if bend <= TWO_SIGMAS else BARE_ROW)
         odds = odds_against_both(odds, mouths.log_odds_of_rhythm(line, found.dashes))
     chance = chance_of_line(odds)
     why = why or (AT_MOUTHS if chance < LEAST_LINE_CHANCE else "")

@@ -114,9 +114,8 @@ def find_lines_of_drives(
     The lines of each drive are found on its own points, where another one passes. They tie the drives: across at lines,
     in height, and along the road at dashes. Boundaries are looked for only where markings leave some of the shared road
     without a tie, and around there; guardrails and barriers only where both do: across it theirs weigh a fifth of those at
-    most. The points
-    are moved by the correction when they are written into a tile store of this run, from which everything else follows as
-    for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
+    most. The points are moved by the correction when they are written into a tile store of this run, from which everything
+    else follows as for one drive. All that is made lies in the folder of the run, so that a killed run goes on.
     """
     chosen, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
     # The correction, and with it every line, must not depend on the tiles
@@ -167,7 +166,8 @@ def find_lines_of_drives(
         with steps.step("adjust drives"):
             # Lines meet lines of their own kind only: those of the kinds before meet where they met
             met = {pair: [*met[pair], *new] for pair, new in meet_lines(drives, more, untied).items()}
-            adjusted = adjusted_drives(drives, path, lines, whole, met)
+            # Further lines that do not agree leave what those before have tied
+            adjusted = adjusted_drives(drives, path, lines, whole, met) or adjusted
         if adjusted is not None:
             untied = adjusted.untied_xy
             if adjusted.is_held:
@@ -272,7 +272,7 @@ def with_common_sigma(lines: LineSet, adjusted: AdjustedDrives) -> LineSet:
 
 
 def _drive_folder(run: RunFolder, number: int) -> Path:
-    """Return the folder of what is made of one drive: its points serve everything that is looked for in them."""
+    """Return the folder of what is made of one drive."""
     return run.path / f"drive-{number}"
 
 
@@ -284,7 +284,11 @@ def _lines_of_drive(
 
     untied_xy: (n, 2) [m, world], None: anywhere. what: is looked for.
     """
-    drive, folder, name = drives[number], _drive_folder(run, number), f"drive-{number}-{what}"
+    drive, folder, around = drives[number], _drive_folder(run, number), ""
+    if untied_xy is not None:
+        around = f"around {hashlib.sha256(untied_xy.tobytes()).hexdigest()[:16]}"
+        folder = folder / around.replace(" ", "-")
+    name = "-".join(filter(None, [f"drive-{number}-{what}", around.replace(" ", "-")]))
     kept, entry = run.path / f"{name}.arrays", run.journal.done().get(name)
     done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
     if done is not None:
@@ -298,10 +302,7 @@ def _lines_of_drive(
         return own.take(may_tie(drive, drives, own.xyz[:, :2], untied_xy))
 
     spans = [(other.start_s, other.end_s) for other in drives]
-    of = f"drive {number} of {spans}"
-    if untied_xy is not None:
-        folder = folder / f"untied-{what}"
-        of += f" around {hashlib.sha256(untied_xy.tobytes()).hexdigest()}"
+    of = f"drive {number} of {spans} {around}".rstrip()
     own = changed_points(opened, folder / "store", change, of, steps, "separate drives", near_xy=untied_xy)
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:

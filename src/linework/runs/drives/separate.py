@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -72,6 +72,11 @@ class DriveSpan:
         away, k = self.tree.query(xy - self.xy[0])
         return np.where(away <= within_m, self.time_s[k], np.nan)
 
+    def stretches(self) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield times (n,) [s] and places (n, 2) [m, world] every metre, of each stretch that it measured by itself."""
+        for first, last in pairwise([0, *self.resumes.tolist(), len(self.xy)]):
+            yield _spaced(self.time_s[first:last], self.xy[first:last])
+
     def is_near(self, xy: FloatArray) -> BoolArray:
         """Return which places (n, 2) may matter for lines that it passes: those within what lines depend on."""
         return _within(self.tree, xy - self.xy[0], MATTERS_M)
@@ -139,9 +144,7 @@ def share_road(drives: tuple[DriveSpan, ...]) -> bool:
         return False
     places, owners = [], []
     for i, drive in enumerate(drives):
-        edges = [0, *drive.resumes.tolist(), len(drive.xy)]
-        for first, last in pairwise(edges):
-            place = _spaced(drive.time_s[first:last], drive.xy[first:last])[1]
+        for _, place in drive.stretches():
             places.append(place)
             owners.append(np.full(len(place), i))
     place, owner = np.concatenate(places), np.concatenate(owners)
@@ -165,7 +168,7 @@ def may_tie(
     Parameters
     ----------
     untied_xy
-        (k, 2) places [m, world]: only what may matter for lines that are passed there counts; None: everything does.
+        (k, 2) places [m, world]: only what may matter for lines around them counts; None: everything does.
     """
     if not len(xy):
         return np.zeros(0, dtype=np.bool_)

@@ -64,10 +64,12 @@ def write_changed_store(
     try:
         for area in small_areas(store):
             if near_xy is not None and not holds(area.grown(MATTERS_M), near_xy).any():
+                # At most so many: stretches of the store that reach into several areas are counted in each
+                done = min(done + store.count_in(area), store.n_points)
                 continue
             recorded = store.points(area)
             points = change(recorded)
-            done += len(recorded)
+            done = min(done + len(recorded), store.n_points)
             advance(done, store.n_points)
             if not len(points) or points.time_s is None:
                 continue

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, permutations
+from itertools import permutations
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -92,17 +92,17 @@ def meet_lines(
     lines
         Of each drive, as it measured them.
     untied_xy
-        (n, 2) places [m, world]: only what a van at one of them passes counts; None: everything does.
+        (n, 2) places [m, world]: only lines within `PASSED_M` of one of them are compared; None: all are.
     """
     untied = None if untied_xy is None else cKDTree(untied_xy - drives[0].xy[0])
 
-    def is_asked(xy: FloatArray) -> BoolArray:
+    def is_untied(xy: FloatArray) -> BoolArray:
         if untied is None:
             return np.ones(len(xy), dtype=np.bool_)
         return np.asarray(untied.query(xy - drives[0].xy[0])[0] <= PASSED_M)
 
     return {
-        (a, b): _met_lines(drives[a], drives[b], lines[a], lines[b], is_asked)
+        (a, b): _met_lines(drives[a], drives[b], lines[a], lines[b], is_untied)
         for a, b in permutations(range(len(drives)), 2)
     }
 
@@ -150,31 +150,33 @@ def tie_drives(
 
 
 def untied_places(drives: Sequence[DriveSpan], ties: DriveTies) -> FloatArray:
-    """Return the places of poses along road that drives share and that no line ties, (n, 2) [m, world].
+    """Return places every metre along road that drives share and that no line ties, (n, 2) [m, world].
 
     A stretch without a tie counts if it is as long as the shortest that counts as shared, from tie to tie or to where the
     drives part.
     """
     untied = [np.empty((0, 2))]
-    for one, other in permutations(drives, 2):
-        shared = np.isfinite(other.passing_s(one.xy, SHARED_ROAD_M))
-        along = distance_along(one.xy)
+    driven = [np.concatenate([place for _, place in drive.stretches()]) for drive in drives]
+    trees = [cKDTree(places - drives[0].xy[0]) for places in driven]
+    for a, b in permutations(range(len(drives)), 2):
+        one, other = drives[a], drives[b]
         tied = np.concatenate(
             [
                 own[one.holds(own) & other.holds(others)]
                 for own, others in ((ties.time_s, ties.other_s), (ties.other_s, ties.time_s))
             ]
         )
-        tied_m = np.interp(tied, one.time_s, along)
-        # Between poses that were left out is no road of the drive
-        for start, end in pairwise([0, *one.resumes.tolist(), len(along)]):
-            for first, last in runs_of(shared[start:end]):
-                own = slice(start + first, start + last + 1)
+        for time, place in one.stretches():
+            away, _ = trees[b].query(place - drives[0].xy[0])
+            along = distance_along(place)
+            tied_m = np.interp(tied[(tied >= time[0]) & (tied <= time[-1])], time, along)
+            for first, last in runs_of(away <= SHARED_ROAD_M):
+                own = slice(first, last + 1)
                 ends = along[own][[0, -1]]
                 inside = tied_m[(tied_m > ends[0]) & (tied_m < ends[1])]
                 stops = np.sort(np.concatenate([ends, inside]))
                 gap = np.clip(np.searchsorted(stops, along[own]), 1, len(stops) - 1)
-                untied.append(one.xy[own][stops[gap] - stops[gap - 1] > LEAST_SHARED_M])
+                untied.append(place[own][stops[gap] - stops[gap - 1] >= LEAST_SHARED_M])
     return np.concatenate(untied)
 
 
@@ -194,9 +196,9 @@ def _met_lines(
     other: DriveSpan,
     lines: LineSet,
     others: LineSet,
-    is_asked: Callable[[FloatArray], BoolArray],
+    is_untied: Callable[[FloatArray], BoolArray],
 ) -> list[MetLine]:
-    """Return what each line of a drive has in common with the other drive's lines of its kind, where it is asked for."""
+    """Return what each line of a drive has in common with the other drive's lines of its kind, at untied places."""
     met: list[MetLine] = []
     kinds = {kind: others.take(others.kind == kind) for kind in TIE_KINDS if kind != "lane_marking_dash"}
     to_cut = {kind: LinesToCut(own) for kind, own in kinds.items()}
@@ -210,7 +212,7 @@ def _met_lines(
         cuts = cross_cuts(to_cut[kind], axis, reach_m=2.0 * FIRST_REACH_M)
         same = (np.abs(cuts.cosine) >= _PARALLEL) & ~cuts.bridged
         same &= np.isfinite(time[cuts.station]) & np.isfinite(other_s[cuts.station])
-        same &= is_asked(axis.xyz[:, :2])[cuts.station]
+        same &= is_untied(axis.xyz[:, :2])[cuts.station]
         own = cross_cuts(lines.take([i]), axis, reach_m=0.05)
         hidden = np.ones(len(axis.station_m), dtype=bool)
         hidden[own.station[~own.bridged]] = False
