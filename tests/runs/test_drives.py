@@ -357,7 +357,31 @@ def test_a_killed_run_goes_on_with_the_drives_that_are_done(survey, adjusted, tm
     assert not [path for path in (tmp_path / "work" / "runs").rglob("*") if path.is_file()]
 
 
-def test_the_points_of_a_drive_are_separated_once(survey, monkeypatch):
+def test_a_run_that_is_killed_while_it_looks_around_untied_places_goes_on(survey, monkeypatch, tmp_path):
+    scene, _ = survey
+    monkeypatch.setattr(adjusted_module, "untied_places", lambda drives, ties: drives[0].xy[:1])
+    whole = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path)
+    stages = []
+
+    def killing(stage, done, total):
+        stages.append(stage)
+        if stages.count("separate drives") and stage == "find lines" and asked == ["road_boundary"]:
+            raise KeyboardInterrupt
+
+    asked, find = [], adjusted_module.find_lines
+
+    def finding(recordings, methods, *given, **named):
+        asked[:] = [kind for kind in ("road_boundary",) if any(kind in m.kinds for m in methods)]
+        return find(recordings, methods, *given, **named)
+
+    monkeypatch.setattr(adjusted_module, "find_lines", finding)
+    given = {"kinds": KINDS, "trajectory": scene.path, "work": tmp_path / "work"}
+    with pytest.raises(KeyboardInterrupt):
+        linework.extract(scene.points, progress=killing, **given)
+    assert linework.extract(scene.points, resume=True, **given) == whole
+
+
+def test_the_points_of_a_drive_are_separated_once_for_each_place(survey, monkeypatch):
     scene, _ = survey
     written, asked, beside = [], [], []
     choose, find = adjusted_module.choose_methods, adjusted_module.find_lines
