@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.simulation.roads.draw import draw_scenario
@@ -61,3 +62,27 @@ def two_drives(road="straight", seed=3, length_m=60.0, points_per_m=1500.0):
         path.time_s, path.xyz + off(path.time_s), path.attitude_deg, np.full((len(path), 3), 0.04)
     )
     return TwoDrives(points, path, survey.truth.with_columns(crs=survey.crs)), middle
+
+
+def path_of(*legs, start_s=0.0, speed=10.0):
+    """Return a trajectory along legs ((x, y), ...), one pose a second; a number instead of a leg is a pause [s]."""
+    time, xyz, now = [], [], start_s
+    for leg in legs:
+        if isinstance(leg, float):
+            now += leg
+            continue
+        leg = np.asarray(leg, dtype=float)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(leg, axis=0), axis=1))])
+        at = np.arange(0.0, along[-1] + 1e-9, speed)
+        xyz.append(np.column_stack([*(np.interp(at, along, c) for c in leg.T), np.zeros(len(at))]))
+        time.append(now + at / speed)
+        now = time[-1][-1] + 1.0
+    return Trajectory(np.concatenate(time), np.concatenate(xyz))
+
+
+def straight(offset_m, up_m=0.0, kind="lane_marking"):
+    x = np.arange(0.0, 301.0)
+    xyz = np.column_stack([x, np.full(len(x), offset_m), np.full(len(x), up_m)])
+    return LineSet.from_lines(
+        [xyz], kind=[kind], sigma_xy_m=np.full(len(x), 0.01), sigma_z_m=np.full(len(x), 0.01)
+    )

@@ -135,9 +135,9 @@ def middles_of_rows(counts: FloatArray, u: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def number_near(counts: FloatArray, u: FloatArray, places: FloatArray, most: float) -> tuple[float, float]:
-    """Return the number of points (heights, widths) within `most` of the place (heights,) of their row, and of all. [m].
+    """Return the number of points (heights, widths) within `most` [m] of the place (heights,) of their row, and of all.
 
-    `u` (widths,) are the middles of the columns. [m]
+    `u` (widths,) are the middles of the columns, in metres as the places are.
     """
     near, total = 0.0, 0.0
     for r in range(len(counts)):

@@ -41,8 +41,8 @@ def ends_in_gaps(
     """Return the boxes of a track before which its line has ended, as numbers in the track, ascending.
 
     A gap is an end if road was measured in it, and paint that is as worn as this, with the gap or without it, has one so long
-    with less than the chance `GAP_CHANCE`. Where a boundary beside the line is open as well, both must be chance; and such a gap says the less about
-    wear, the less likely that is: the mouths of a ring do not explain each other.
+    with less than the chance `GAP_CHANCE`. Where a boundary beside the line is open as well, both must be chance; and such a
+    gap says the less about wear, the less likely that is: the mouths of a ring do not explain each other.
 
     Parameters
     ----------

@@ -286,9 +286,9 @@ def _lines_of_drive(
     """
     drive, folder, around = drives[number], _drive_folder(run, number), ""
     if untied_xy is not None:
-        around = f"around {hashlib.sha256(untied_xy.tobytes()).hexdigest()[:16]}"
-        folder = folder / around.replace(" ", "-")
-    name = "-".join(filter(None, [f"drive-{number}-{what}", around.replace(" ", "-")]))
+        around = f"-around-{hashlib.sha256(untied_xy.tobytes()).hexdigest()[:16]}"
+        folder = folder / around.removeprefix("-")
+    name = f"drive-{number}-{what}{around}"
     kept, entry = run.path / f"{name}.arrays", run.journal.done().get(name)
     done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
     if done is not None:
@@ -302,7 +302,7 @@ def _lines_of_drive(
         return own.take(may_tie(drive, drives, own.xyz[:, :2], untied_xy))
 
     spans = [(other.start_s, other.end_s) for other in drives]
-    of = f"drive {number} of {spans} {around}".rstrip()
+    of = f"drive {number} of {spans}{around}"
     own = changed_points(opened, folder / "store", change, of, steps, "separate drives", near_xy=untied_xy)
     lines = LineSet.empty(recordings.survey.crs)
     if own is not None:
