@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from linework.methods.tracking.pattern import find_stretches
+from linework.methods.tracking.marking_lines import _paint_of
+from linework.methods.tracking.pattern import PaintRhythm, PatternStretch, find_stretches
 
 
 def dashes(*parts):
@@ -40,3 +41,11 @@ def test_dashes_that_change_have_several_rhythms(parts, periods_m):
 def test_covers_in_a_row_are_no_dashes(parts, is_dashed):
     (stretch,) = find_stretches(dashes(parts))
     assert (stretch.rhythm is not None) == is_dashed
+
+
+def test_paint_that_ends_where_a_stretch_begins_is_not_in_it():
+    # Distances from another start: 3.0 and what is left of 59.3 less 56.3
+    paint = np.array([[0.0, 59.3 - 56.3], [9.0, 12.0], [18.0, 21.0]])
+    assert paint[0, 1] > 2.999999999999996
+    stretch = PatternStretch(2.999999999999996, 30.0, PaintRhythm(9.0, 3.0, 0.9))
+    assert _paint_of(paint, stretch).tolist() == [[9.0, 12.0], [18.0, 21.0]]

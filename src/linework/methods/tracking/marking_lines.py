@@ -271,11 +271,18 @@ def _by_pattern(
     found = []
     for stretch in own_stretches:
         own = box[(t >= stretch.start_m) & (t <= stretch.end_m)]
-        inside = paint[(paint[:, 1] > stretch.start_m) & (paint[:, 0] < stretch.end_m)]
+        inside = _paint_of(paint, stretch)
         if len(own) >= 2 and len(inside):
             part = _cut(line, stretch.start_m, stretch.end_m)
             found.append(_marking(boxes, own, part, inside, stretch.rhythm, visible, strips, mouths))
     return found
+
+
+def _paint_of(paint: FloatArray, stretch: PatternStretch) -> FloatArray:
+    """Return the intervals of paint (k, 2) [m] in a stretch, which ends where paint does: by their middles, as ends round."""
+    middle = paint.mean(axis=1)
+    inside: FloatArray = paint[(middle > stretch.start_m) & (middle < stretch.end_m)]
+    return inside
 
 
 def _within(stretches: Sequence[PatternStretch], start_m: float, paint: FloatArray) -> list[PatternStretch]:
