@@ -37,9 +37,11 @@ def flat_costs(number: FloatArray, across: FloatArray, places: FloatArray, most:
 
 @njit(cache=True, nogil=True)
 def likeliest_view(
-    cells: IntArray, number: FloatArray, views: Float32Array, places: IntArray
+    cells: IntArray, number: FloatArray, views: Float32Array, places: IntArray, most: float, at: int
 ) -> tuple[float, int]:
     """Return how unlikely the points of a section are in the likeliest view of an outline [nats], and its place.
+
+    Views that are no likelier than `most` do not count.
 
     Parameters
     ----------
@@ -52,9 +54,11 @@ def likeliest_view(
         column.
     places
         (p,) int64 tried places of the middle. [columns of a view]
+    most, at
+        How unlikely they are in the likeliest of other views, infinity without any, and its place.
     """
     middle = views.shape[2] // 2
-    best, best_place = np.inf, 0
+    best, best_place = most, at
     for view in range(views.shape[0]):
         for place in places:
             cost = 0.0

@@ -56,6 +56,8 @@ _COLUMNS = np.arange(-_N_BESIDE, _N_BESIDE + 1, dtype=np.float64) * _PLACE_STEP_
 _NEAR = 6
 #: Views that are kept: of three outlines of 17 heights with 12 noises.
 _KEPT_VIEWS = 1024
+#: Sets of tried places that are kept: of 81 middles with a few dozen offsets; some are never asked for.
+_KEPT_PLACES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +164,8 @@ def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray, on_m: float) 
         for tried in _NOISES_M:
             offset = 0.0 if outline == "flat" else _face_m(outline, half_height_m(len(counts), tried[1]))
             places = _places(offset, fits[0].axis_m if fits else None)
-            cost, found = kernels.likeliest_view(cells, number, views_of(outline, len(counts), tried), places)
-            if cost < best:
-                best, place = cost, found
+            views = views_of(outline, len(counts), tried)
+            best, place = kernels.likeliest_view(cells, number, views, places, best, place)
         axis = place * _PLACE_STEP_M
         away = _distance_m(outline, at - np.array([axis, 0.0]), 0.5 * len(counts) * SECTION_CELL_M)
         on = number[away <= on_m].sum() / number.sum()
@@ -241,6 +242,7 @@ def _face_m(outline: str, half: float) -> float:
     return half * (0.25 * np.pi if outline == "pipe" else 1.0)
 
 
+@lru_cache(maxsize=_KEPT_PLACES)
 def _places(offset_m: float, middle_m: float | None) -> AnyArray:
     """Return the places (p,) int64 to try: all of them, or those near the points' own middle, less or with an offset."""
     most = round(_MOST_ACROSS_M / _PLACE_STEP_M)
