@@ -40,6 +40,8 @@ MEASURED, CELLS, LABEL_ARRAY, EDGES, CHOSEN = "measured", "cells", "labels", "ed
 PATH, ISLANDS, UNEVEN = "path", "islands", "uneven"
 #: Sigma of a ground that is not known, in a tile's surface.
 NOT_KNOWN = 65535
+#: The sigma of each value. [m]
+_SIGMA_M = np.append(np.arange(NOT_KNOWN, dtype=np.float32) / np.float32(1e3), np.float32(np.nan))
 #: Arrays that stay: road, ground, kind and sigma of the cells; coarse ground.
 SURFACE, COARSE = "surface", "coarse"
 #: Index of road and of ground in arrays that hold both, and of the number of points in those of cells.
@@ -265,7 +267,7 @@ def packed_sigma(sigma_m: Float32Array) -> AnyArray:
 
 def unpacked_sigma(sigma: AnyArray) -> Float32Array:
     """Return the sigma [m], (rows, cols) float32, of the fourth array of a tile's surface."""
-    return np.where(sigma == NOT_KNOWN, np.float32(np.nan), sigma.astype(np.float32) / np.float32(1e3))
+    return np.asarray(_SIGMA_M.take(sigma))
 
 
 def kind_of(is_road: BoolArray, is_ground: BoolArray) -> AnyArray:
@@ -276,7 +278,7 @@ def kind_of(is_road: BoolArray, is_ground: BoolArray) -> AnyArray:
 
 def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:
     """Return which cells are road and which are ground, from the third array of a tile's surface."""
-    return (kind >> _ROAD) & 1 > 0, (kind >> _GROUND) & 1 > 0
+    return (kind & (1 << _ROAD)) != 0, (kind & (1 << _GROUND)) != 0
 
 
 def _ground_cells(tiles: SurfaceTiles, window: CellWindow) -> BoolArray:
