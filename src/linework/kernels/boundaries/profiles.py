@@ -243,16 +243,17 @@ def bin_sums_across(
         Whether brightness is summed, too; if not, its columns are 0.
     """
     sums[:] = 0.0
-    beyond = (0.5 * N_PROFILE_BINS + 1.0) * step
+    # Points in bins are chosen without a branch, as each would be hard to foresee, and summed after that
+    chosen, bins, n_chosen = np.empty(n + 1, np.int64), np.empty(n + 1, np.int64), 0
     for i in range(n):
-        x, y, r = work[i, PLACE_X], work[i, PLACE_Y], work[i, PLACE_R]
-        v = x * vx + y * vy
-        # One branch for what may be in no bin: each of its parts is hard to foresee
-        if (abs(v) > beyond) | (abs(x * vy - y * vx) > half_u) | (abs(r) > CLIP_M):
-            continue
-        k = int(v / step + 0.5 * N_PROFILE_BINS + 1.0)
-        if k < 1 or k > N_PROFILE_BINS:
-            continue
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        k = int((x * vx + y * vy) / step + 0.5 * N_PROFILE_BINS + 1.0)
+        chosen[n_chosen], bins[n_chosen] = i, k
+        is_near = (abs(x * vy - y * vx) <= half_u) & (abs(work[i, PLACE_R]) <= CLIP_M)
+        n_chosen += int(is_near & (k >= 1) & (k <= N_PROFILE_BINS))
+    for j in range(n_chosen):
+        i, k = chosen[j], bins[j]
+        v, r = work[i, PLACE_X] * vx + work[i, PLACE_Y] * vy, work[i, PLACE_R]
         sums[k, BIN_N] += 1.0
         sums[k, BIN_V] += v
         sums[k, BIN_VV] += v * v
