@@ -20,7 +20,7 @@ from linework.runs.drives import stores
 from linework.runs.drives.adjusted import adjusted_drives
 from linework.runs.drives.adjustment import DriveTies, adjusted_path
 from linework.runs.drives.separate import may_tie, separate_drives, share_road, with_points
-from linework.runs.drives.stores import write_changed_store
+from linework.runs.drives.stores import write_changed_stores
 
 KINDS = ("lane_marking", "lane_marking_dash", "road_boundary")
 #: So small that the survey has several tiles, and is given to worker processes.
@@ -271,7 +271,7 @@ def test_a_run_that_is_killed_while_it_looks_around_untied_places_goes_on(survey
 
 def test_the_points_of_a_drive_are_separated_once_for_each_place(survey, monkeypatch):
     scene, _ = survey
-    written, asked, beside = [], [], []
+    written, n_points, asked, beside = [], [], [], []
     choose, find = adjusted_module.choose_methods, adjusted_module.find_lines
 
     def choosing(method, kinds, **given):
@@ -290,17 +290,19 @@ def test_the_points_of_a_drive_are_separated_once_for_each_place(survey, monkeyp
     assert beside == [False, False, True]
     monkeypatch.setattr(adjusted_module, "find_lines", find)
 
-    def writing(store, folder, change, advance, near_xy):
-        written.append(0 if near_xy is None else len(near_xy))
-        write_changed_store(store, folder, change, advance, near_xy)
+    def writing(store, changes, advance, near_xy):
+        written.append((len(changes), 0 if near_xy is None else len(near_xy)))
+        n_points.append(store.n_points)
+        write_changed_stores(store, changes, advance, near_xy)
 
-    monkeypatch.setattr(stores, "write_changed_store", writing)
+    monkeypatch.setattr(stores, "write_changed_stores", writing)
     # So that boundaries and guardrails are looked for, too
     monkeypatch.setattr(adjusted_module, "untied_places", lambda drives, ties: drives[0].xy[:1])
     lines = linework.extract(scene.points, kinds=KINDS, trajectory=scene.path)
     assert lines.report.adjusted.startswith("2 drives adjusted")
-    # Either drive, then what lies around the place without a tie, for boundaries and rails, then all points moved
-    assert written == [0, 0, 1, 1, 0]
+    # Both drives, then of each what lies around the place without a tie, for boundaries and rails, then all points moved
+    assert written == [(2, 0), (1, 1), (1, 1), (1, 0)]
+    assert n_points[0] == n_points[3] == len(scene.points) > max(n_points[1:3])
     assert asked[1:] == [KINDS[:2], ("road_boundary", "kerb_top"), ("guardrail", "barrier")]
 
 

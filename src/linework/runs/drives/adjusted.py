@@ -16,6 +16,7 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, PartialError
 from linework.files.output.journal import JournalEntry, open_journal
 from linework.files.output.parts import read_part, write_part
+from linework.files.store.read import PointStore
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import PUBLISHED_KINDS_OF
 from linework.methods.obb.method import Obb
@@ -28,7 +29,7 @@ from linework.processes.executors import Executor, Serial
 from linework.runs.drives.account import DriveAccount, DrivesAccount
 from linework.runs.drives.adjustment import DriveTies, PathCorrection, adjusted_path
 from linework.runs.drives.separate import DriveSpan, may_tie, separate_drives, share_road, with_points
-from linework.runs.drives.stores import changed_points
+from linework.runs.drives.stores import changed_points, make_missing_stores
 from linework.runs.drives.ties import (
     FIRST_REACH_M,
     LAST_REACH_M,
@@ -158,6 +159,8 @@ def find_lines_of_drives(
             for method in named
             if method.recording == "points"
         ]
+        if untied is None:
+            _separate_points(recordings, drives, kinds[0], run, steps)
         more = [
             _lines_of_drive(recordings, drives, i, untied, tying, run, kinds[0], by, steps)
             for i in range(len(drives))
@@ -284,23 +287,22 @@ def _lines_of_drive(
 
     untied_xy: (n, 2) [m, world], None: anywhere. what: is looked for.
     """
-    drive, folder, around = drives[number], _drive_folder(run, number), ""
+    folder, around = _drive_folder(run, number), ""
+    whole = folder / "store"
     if untied_xy is not None:
         around = f"-around-{hashlib.sha256(untied_xy.tobytes()).hexdigest()[:16]}"
         folder = folder / around.removeprefix("-")
     name = f"drive-{number}-{what}{around}"
-    kept, entry = run.path / f"{name}.arrays", run.journal.done().get(name)
-    done = read_part(LineSet, kept, entry.sha256) if entry is not None else None
+    done = _kept_lines(run, name)
     if done is not None:
         return done
     opened = recordings.points
     assert opened is not None
-
-    def change(points: Points) -> Points:
-        assert points.time_s is not None
-        own = points.take(drive.holds(points.time_s))
-        return own.take(may_tie(drive, drives, own.xyz[:, :2], untied_xy))
-
+    if untied_xy is not None and whole.is_dir():
+        # What lies around some places is among all of the drive's points that matter
+        kept = PointStore.open(whole)
+        opened = replace(opened, points=kept) if kept.n_points else opened
+    change = partial(_own_points, drives, number, untied_xy)
     spans = [(other.start_s, other.end_s) for other in drives]
     of = f"drive {number} of {spans}{around}"
     own = changed_points(opened, folder / "store", change, of, steps, "separate drives", near_xy=untied_xy)
@@ -317,8 +319,36 @@ def _lines_of_drive(
             pass
         finally:
             journal.close()
-    run.journal.enter(JournalEntry(name, write_part(lines, kept), {}))
+    run.journal.enter(JournalEntry(name, write_part(lines, run.path / f"{name}.arrays"), {}))
     return lines
+
+
+def _kept_lines(run: RunFolder, name: str) -> LineSet | None:
+    """Return the lines of a drive that the run has found before, None if it has not."""
+    entry = run.journal.done().get(name)
+    return read_part(LineSet, run.path / f"{name}.arrays", entry.sha256) if entry is not None else None
+
+
+def _own_points(
+    drives: Sequence[DriveSpan], number: int, untied_xy: FloatArray | None, points: Points
+) -> Points:
+    """Return the points of one drive that may matter for lines that it has in common with others."""
+    assert points.time_s is not None
+    own = points.take(drives[number].holds(points.time_s))
+    return own.take(may_tie(drives[number], drives, own.xyz[:, :2], untied_xy))
+
+
+def _separate_points(
+    recordings: Recordings, drives: Sequence[DriveSpan], what: str, run: RunFolder, steps: RunSteps
+) -> None:
+    """Write the points of each drive whose lines are still to be found: the survey is read once, not for each drive."""
+    assert recordings.points is not None
+    changes = {
+        _drive_folder(run, i) / "store": partial(_own_points, drives, i, None)
+        for i in range(len(drives))
+        if _kept_lines(run, f"drive-{i}-{what}") is None
+    }
+    make_missing_stores(recordings.points.points, changes, steps, "separate drives")
 
 
 def _moved(recordings: Recordings, adjusted: AdjustedDrives, run: RunFolder, steps: RunSteps) -> Recordings:

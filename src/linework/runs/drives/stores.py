@@ -5,8 +5,9 @@ Separate from `adjusted`, which says what is made when: this reads and writes po
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,25 +28,25 @@ from linework.runs.steps import Advance, RunSteps
 
 #: Points of an area that are taken into memory at once, if they lie evenly: as many as of a large tile.
 _MOST_POINTS = 5_000_000
+#: Takes and returns points with the same columns.
+PointChange = Callable[[Points], Points]
 
 
-def write_changed_store(
+def write_changed_stores(
     store: PointStore,
-    folder: Path,
-    change: Callable[[Points], Points],
+    changes: Mapping[Path, PointChange],
     advance: Advance,
     near_xy: FloatArray | None = None,
 ) -> None:
-    """Write a tile store of the points that a function makes of those of each area.
+    """Write tile stores of the points that functions make of those of each area, which are read once for all of them.
 
     Parameters
     ----------
     store
         With times.
-    folder
-        An existing, empty folder; the caller removes it if this fails.
-    change
-        Takes and returns points with the same columns.
+    changes
+        Functions that take and return points with the same columns, by the folder of what they make: existing, empty
+        ones; the caller removes them if this fails.
     near_xy
         (n, 2) places [m, world]: only areas with points that may matter there are read; None: all are.
 
@@ -59,8 +60,8 @@ def write_changed_store(
     Areas are read in their fixed order, and their points in canonical order: the same points give the same bytes. What the
     facts say of the files stays; times are counted again.
     """
-    writer, times = StoreWriter(folder / f"0{POINTS_SUFFIX}"), TimeCounts()
-    done, names = 0, store.columns
+    made = [_Made(StoreWriter(folder / f"0{POINTS_SUFFIX}"), TimeCounts()) for folder in changes]
+    done = 0
     try:
         for area in small_areas(store):
             if near_xy is not None and not holds(area.grown(MATTERS_M), near_xy).any():
@@ -68,22 +69,36 @@ def write_changed_store(
                 done = min(done + store.count_in(area), store.n_points)
                 continue
             recorded = store.points(area)
-            points = change(recorded)
+            for change, one in zip(changes.values(), made, strict=True):
+                one.add(change(recorded), store.columns)
             done = min(done + len(recorded), store.n_points)
             advance(done, store.n_points)
-            if not len(points) or points.time_s is None:
-                continue
-            intensity = np.zeros(len(points)) if points.intensity is None else points.intensity
-            columns = (
-                np.stack([points.columns[name] for name in names]) if names else np.empty((0, 0), np.float32)
-            )
-            writer.append(points.xyz, np.rint(intensity).astype(np.uint16), points.time_s, columns)
-            times.add(points.time_s)
-        runs = writer.close()
+        runs = [one.writer.close() for one in made]
     except BaseException:
-        writer.abort()
+        for one in made:
+            one.writer.abort()
         raise
-    write_index(folder, runs, {**store.facts, "times": times.to_document()})
+    for folder, one, run in zip(changes, made, runs, strict=True):
+        write_index(folder, run, {**store.facts, "times": one.times.to_document()})
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """A store as it is written, and the times of its points."""
+
+    writer: StoreWriter
+    times: TimeCounts
+
+    def add(self, points: Points, names: Sequence[str]) -> None:
+        """Write points with the columns of these names."""
+        if not len(points) or points.time_s is None:
+            return
+        intensity = np.zeros(len(points)) if points.intensity is None else points.intensity
+        columns = (
+            np.stack([points.columns[name] for name in names]) if names else np.empty((0, 0), np.float32)
+        )
+        self.writer.append(points.xyz, np.rint(intensity).astype(np.uint16), points.time_s, columns)
+        self.times.add(points.time_s)
 
 
 def small_areas(store: PointStore) -> Iterator[Bounds]:
@@ -104,7 +119,7 @@ def small_areas(store: PointStore) -> Iterator[Bounds]:
 def changed_points(
     opened: OpenedSurvey,
     folder: Path,
-    change: Callable[[Points], Points],
+    change: PointChange,
     what: str,
     steps: RunSteps,
     step: str,
@@ -123,10 +138,7 @@ def changed_points(
     near_xy
         (n, 2) places [m, world]: the function keeps points only that may matter there; None: anywhere.
     """
-    if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with replacing_folder(folder) as part, steps.step(step, unit="points") as advance:
-            write_changed_store(opened.points, part, change, advance, near_xy)
+    make_missing_stores(opened.points, {folder: change}, steps, step, near_xy)
     points = PointStore.open(folder)
     if not points.n_points:
         return None
@@ -136,3 +148,25 @@ def changed_points(
         facts=facts_of_store(points),
         key=fingerprint_of({"of": opened.key, "what": what}),
     )
+
+
+def make_missing_stores(
+    store: PointStore,
+    changes: Mapping[Path, PointChange],
+    steps: RunSteps,
+    step: str,
+    near_xy: FloatArray | None = None,
+) -> None:
+    """Make the stores of changed points that are not there yet, of one reading; arguments as above.
+
+    changes: functions by the folder of the store that each makes.
+    """
+    with contextlib.ExitStack() as held:
+        parts = dict[Path, PointChange]()
+        for folder, change in changes.items():
+            if not folder.is_dir():
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                parts[held.enter_context(replacing_folder(folder))] = change
+        if parts:
+            with steps.step(step, unit="points") as advance:
+                write_changed_stores(store, parts, advance, near_xy)
