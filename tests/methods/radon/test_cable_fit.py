@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from linework.kernels.cables import fit as kernels
 from linework.lines.catenary import Catenary
 from linework.methods.cables.band import Widths, cable_band
 from linework.methods.cables.fit import (
@@ -13,6 +14,7 @@ from linework.methods.cables.fit import (
     fit_wire,
     near_end,
     settle_wire,
+    split_at_kink,
     surroundings,
 )
 
@@ -132,3 +134,21 @@ def test_a_bow_on_which_the_points_lie_is_kept():
     points[:, 1] += 0.5 * ((points[:, 0] - 27.0) / 20.0) ** 2
     wire = fit_members(band_of(points), np.arange(len(points)), WIDTHS)
     assert wire.plan.bow_per_m == pytest.approx(2 * 0.5 / 20.0**2, rel=0.1)
+
+
+def test_a_wire_is_split_at_a_pole_with_kernels_that_are_compiled(monkeypatch):
+    parabola = kernels.robust_parabola
+
+    def checked(*arrays):
+        assert all(array.flags.c_contiguous for array in arrays[:3])
+        return parabola(*arrays)
+
+    monkeypatch.setattr(kernels, "robust_parabola", checked)
+    first, second = (wire_points(40.0, seed) for seed in (3, 4))
+    second[:, 0] += 40.0
+    band = band_of(np.concatenate([first, second]))
+    wire = fit_wire(band, np.arange(len(band.xyz)), Widths(0.5))
+    assert wire is not None
+    parts = split_at_kink(band, wire, 5.0)
+    assert parts is not None
+    assert band.xyz[parts[0], 0].max() == pytest.approx(47.0, abs=5.0)

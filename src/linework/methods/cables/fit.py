@@ -394,7 +394,9 @@ def split_at_kink(band: CableBand, wire: FittedWire, least_m: float) -> tuple[In
     """
     xyz = band.xyz[wire.members]
     s, _ = wire.plan.stations(xyz[:, :2])
-    off = xyz[:, 2] - wire.fit.curve.height_at(s)
+    # Kernels are compiled for contiguous arrays
+    z = np.ascontiguousarray(xyz[:, 2])
+    off = z - wire.fit.curve.height_at(s)
     if len(off) == 0 or math.sqrt(float(np.mean(off * off))) < LEAST_KINK_M:
         return None
     i, share = kernels.best_break(s, off, least_m, 0.5, 6)
@@ -402,7 +404,7 @@ def split_at_kink(band: CableBand, wire: FittedWire, least_m: float) -> tuple[In
         return None
     one = np.ones(len(s))
     left, right = (
-        kernels.robust_parabola(s[part], xyz[part, 2], one[part], wire.widths.sigma_m)
+        kernels.robust_parabola(s[part], z[part], one[part], wire.widths.sigma_m)
         for part in (slice(i), slice(i, None))
     )
     falls = [fit[1][1] + 2.0 * fit[1][2] * (s[i] - fit[0]) for fit in (left, right)]
