@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import linework
+from benchmarks._moved import Flips, moved
 from benchmarks._references import Reference, data_folder, read_references, within
 from linework.errors import LineworkError
 from linework.evaluation.measures import match_lines, score
@@ -31,49 +32,71 @@ class WorldResult:
     problem: str = ""
 
 
-def real_worlds(data: Path, names: tuple[str, ...] = ()) -> list[WorldResult]:
-    """Extract and score every survey that there is a reference for; a survey that is missing says so."""
+def real_worlds(
+    data: Path, names: tuple[str, ...] = (), n_moved: int = 0, flips: Flips | None = None
+) -> list[WorldResult]:
+    """Extract and score every survey that there is a reference for; a survey that is missing says so.
+
+    n_moved, flips: times that it is done again with moved points, and where what comes out is entered.
+    """
     results: list[WorldResult] = []
     # Several references may lie in one file
-    seen: dict[str, tuple[LineSet, float]] = {}
+    seen: dict[tuple[str, int], tuple[LineSet, float]] = {}
     for reference in read_references(data):
         if names and reference.name not in names:
             continue
         result = scored_survey(reference, data, seen)
         results.append(result)
+        for k in range(n_moved + 1 if flips is not None and not result.problem else 0):
+            again = result if k == 0 else scored_survey(reference, data, seen, k)
+            for one in again.scores:
+                flips.add(reference.name, one)
         print(f"{reference.name}: {result.problem or f'{result.seconds:.1f} s'}", flush=True)
     return results
 
 
 def scored_survey(
-    reference: Reference, data: Path, seen: dict[str, tuple[LineSet, float]] | None = None
+    reference: Reference,
+    data: Path,
+    seen: dict[tuple[str, int], tuple[LineSet, float]] | None = None,
+    seed: int = 0,
 ) -> WorldResult:
-    """Extract and score one survey; `seen` keeps what was extracted from a file, and its time."""
-    seen = {} if seen is None else seen
+    """Extract and score one survey; `seen` keeps what was extracted from a file, and its time.
+
+    seed: of the points' move, see `moved`.
+    """
+    seen, key = {} if seen is None else seen, (reference.file, seed)
     if not (data / reference.file).exists():
         return WorldResult(reference, problem=f"{reference.file} is not in {data.name or data}")
     start = time.perf_counter()
     try:
-        if reference.file not in seen:
-            found = extracted(data / reference.file, reference.crs)
-            seen[reference.file] = found, time.perf_counter() - start
+        if key not in seen:
+            found = extracted(data / reference.file, reference.crs, seed)
+            seen[key] = found, time.perf_counter() - start
     except LineworkError as problem:
         return WorldResult(
             reference, seconds=time.perf_counter() - start, problem=str(problem).splitlines()[0]
         )
-    return judged(seen[reference.file][0], reference, seen[reference.file][1])
+    return judged(seen[key][0], reference, seen[key][1])
 
 
-def extracted(path: Path, crs: str) -> LineSet:
-    """Return the lines of a file of points with default settings; a text of x y z is read as it is."""
+def extracted(path: Path, crs: str, seed: int = 0) -> LineSet:
+    """Return the lines of a file of points with default settings; a text of x y z is read as it is.
+
+    seed: of the points' move, see `moved`.
+    """
     source: str | Points = str(path)
     if path.suffix == ".log":
         source = Points(np.loadtxt(path), crs=crs)
+    elif seed:
+        source = linework.read_points(str(path), crs=crs)
+    if isinstance(source, Points):
+        source = moved(source, seed)
     with warnings.catch_warnings():
         # That a cloud has no intensity or no trajectory is what it is here for
         warnings.simplefilter("ignore")
         return linework.extract(
-            source, crs=None if path.suffix == ".log" else crs, workers=1, on_problem="warn"
+            source, crs=None if isinstance(source, Points) else crs, workers=1, on_problem="warn"
         )
 
 

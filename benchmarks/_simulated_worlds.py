@@ -20,6 +20,7 @@ from linework.errors import LineworkWarning
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.report.tables import ReportTable, centimetres, number, percent
 from linework.evaluation.tolerance import KindMatch
+from linework.evaluation.values import KindScores
 from linework.methods.obb.method import OBB_KINDS, Obb
 from linework.model.boxes import BoxSet
 from linework.model.lines import KINDS, LineSet
@@ -60,8 +61,8 @@ def simulated(road: str, seed: int, length_m: float, **choices: Any) -> Simulate
 
 def scored_scene(
     survey: SimulatedSurvey, kinds: Sequence[str], into: SceneResult, name: str, *, causes: bool = True
-) -> None:
-    """Extract one simulated survey and add what came out; say it in one line.
+) -> list[KindScores]:
+    """Extract one simulated survey, add what came out and return its scores; say them in one line.
 
     What the methods had in hand on the way is looked up in all passes at once, where `extract` takes drive by
     drive: it only names the causes.
@@ -79,12 +80,13 @@ def scored_scene(
         into.causes += failures(found, survey.truth, stages_of(survey, kinds), kinds, TOLERANCE_M)
     into.seconds += seconds
     into.hectares += hectares_of(survey)
-    told = []
-    for part in parts:
-        at = score([part], part.kind, TOLERANCE_M, ()).at
+    told, scores = [], [score([part], part.kind, TOLERANCE_M, ()) for part in parts]
+    for part, one in zip(parts, scores, strict=True):
+        at = one.at
         if at.completeness is not None or at.correctness is not None:
             told.append(f"{part.kind} {percent(at.completeness)} / {percent(at.correctness)}")
     print(f"{name}: {len(survey.points) / 1e6:.2f} M points, {seconds:.1f} s; {'; '.join(told)}", flush=True)
+    return scores
 
 
 def extracted(survey: SimulatedSurvey, kinds: Sequence[str]) -> LineSet:
