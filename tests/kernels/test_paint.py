@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
+from linework.kernels.paint.stripe_bands import band_on_shoulder, narrower_band
 from linework.kernels.paint.stripe_extent import dash_at, extent
 from linework.kernels.paint.stripe_fit import (
     FIT_UNKNOWNS,
@@ -22,7 +23,6 @@ from linework.kernels.paint.stripe_search import (
     MOST_STRIPES,
     direction,
     edges_of,
-    narrower_band,
     stripes_across,
 )
 from linework.kernels.paint.stripes import clipped
@@ -145,6 +145,43 @@ def test_a_line_lies_on_a_strip_that_stands_out_without_it(rest: float, band: tu
     number, total = 10.0 * np.arange(31.0), np.concatenate([[0.0], np.cumsum(10.0 * profile)])
     found = narrower_band(number, total, 0.01, *edges_of(number, total), (10, 20), 4.0)
     assert found[:2] == band
+
+
+@pytest.mark.parametrize("is_left", [False, True])
+@pytest.mark.parametrize(
+    ("shoulder", "bins", "band"), [(0.5, 12, (10, 15)), (0.02, 12, (-1, -1)), (0.5, 6, (-1, -1))]
+)
+def test_a_line_lies_along_one_side_of_a_strip(
+    shoulder: float, bins: int, band: tuple[int, int], is_left: bool
+) -> None:
+    # A strip that is no brighter than the road, and one as narrow as a blurred edge, are none
+    profile = np.zeros(36)
+    profile[10:15], profile[15 : 15 + bins] = 1.0, shoulder
+    outer = 10, 15 + bins
+    if is_left:
+        profile, outer = profile[::-1].copy(), (36 - outer[1], 26)
+        band = (36 - band[1], 36 - band[0]) if band[0] >= 0 else band
+    number, total = 10.0 * np.arange(37.0), np.concatenate([[0.0], np.cumsum(10.0 * profile)])
+    found = band_on_shoulder(number, total, 0.01, *edges_of(number, total), outer, 4.0)
+    assert found[:2] == band
+
+
+@pytest.mark.parametrize("is_left", [False, True])
+def test_paint_beside_a_bright_shoulder_has_its_own_width(is_left: bool) -> None:
+    # From the air, 22 points/m2: paint 0.3 m wide as the spot blurs it, and dust as bright as half of it over 0.5 m
+    right = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        work = np.zeros((400, 5))
+        work[:, 0], work[:, 1] = rng.uniform(-1.7, 1.7, (2, len(work)))
+        v = work[:, 1] if is_left else -work[:, 1]
+        work[:, 3] = np.where(np.abs(v) < 0.15, 1.0, np.where((v > 0.15) & (v < 0.65), 0.5, 0.0))
+        work[:, 3] += 0.1 * rng.normal(size=len(work))
+        out = np.zeros((MOST_STRIPES, 3))
+        m = stripes_across(work, len(work), 0.0, 1.0, 4.0, out)
+        width, middle = out[:m, BAND_LEFT] - out[:m, BAND_RIGHT], out[:m, :2].mean(axis=1)
+        right += bool(np.any((np.abs(width - 0.3) < 0.11) & (np.abs(middle) < 0.06)))
+    assert right >= 18
 
 
 def test_the_rise_of_the_ground_is_unknown_without_points_on_both_sides(rng: np.random.Generator) -> None:

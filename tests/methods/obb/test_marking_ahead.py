@@ -8,7 +8,7 @@ from tests.scenes.paint_scenes import EAST_M, NORTH_M, Stripe, in_scene, level_s
 
 from linework.arrays import FloatArray
 from linework.kernels.paint.stripes import STRIPE_HALF_V, STRIPE_UX, STRIPE_UY, STRIPE_X, STRIPE_Y
-from linework.kernels.paint.stripes_ahead import t_ahead
+from linework.kernels.paint.stripes_ahead import SCALES_AHEAD, t_ahead
 from linework.methods.obb import marking
 from linework.methods.obb.kerbs_and_edges import local_origin_of
 from linework.methods.obb.marking import MARKING_REACH_M, MarkingConfig, find_marking_boxes
@@ -67,14 +67,30 @@ def test_the_mean_ahead_tells_paint_from_bare_road() -> None:
         row = np.zeros(24)
         row[[STRIPE_X, STRIPE_Y]] = last.centre[0, :2]
         row[[STRIPE_UX, STRIPE_UY, STRIPE_HALF_V]] = 1.0, 0.0, 0.06
-        assert low < t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0) < high
+        assert low < t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0, 1.0) < high
         row[STRIPE_Y] += 1000.0
-        assert t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0) == 0.0
+        assert np.isnan(t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0, 1.0))
+
+
+def test_sparse_points_are_compared_over_longer_windows() -> None:
+    """15 points a square metre, as from the air: a metre of paint has too few, four metres have enough."""
+    rng, surface, row = np.random.default_rng(5), level_surface(), np.zeros(24)
+    for width, low, high in ((0.3, 4.0, np.inf), (0.001, -4.0, 4.0)):
+        tile = tile_of(*road_points(rng, [Stripe((0.2, 6.1), (11.8, 6.1), width)], per_m2=15.0))
+        paint = marking.PaintPoints.of(tile.points, surface, local_origin_of(tile), MarkingConfig(), None)
+        row[[STRIPE_X, STRIPE_Y]] = np.add((3.0, 6.1), (EAST_M, NORTH_M)) - local_origin_of(tile)[:2]
+        row[[STRIPE_UX, STRIPE_UY, STRIPE_HALF_V]] = 1.0, 0.0, 0.15
+        t = [t_ahead(paint.rows, paint.starts, paint.lattice, row, 1.0, scale) for scale in SCALES_AHEAD]
+        assert np.isnan(t[0]) and low < t[-1] < high
 
 
 @pytest.mark.parametrize("west_m", [1.5, 5.55, 6.05, 6.55, 7.05, 7.55, 8.05])
-def test_a_tile_has_the_boxes_that_grow_into_it(west_m: float) -> None:
+@pytest.mark.parametrize("is_sparse", [False, True])
+def test_a_tile_has_the_boxes_that_grow_into_it(west_m: float, is_sparse: bool) -> None:
     whole = road_with(CRISP, Stripe(WORN.start, (10.0, 6.1), 0.12, 1.34))
+    if is_sparse:
+        stripes = Stripe((0.2, 6.1), (5.0, 6.1), 0.3, 1.6), Stripe((5.0, 6.1), (11.0, 6.1), 0.3, 1.35)
+        whole = tile_of(*road_points(np.random.default_rng(6), stripes, per_m2=30.0))
     core = Bounds(EAST_M + west_m, NORTH_M + 4.0, EAST_M + west_m + 2.0, NORTH_M + 8.0)
     reach, xyz = core.grown(MARKING_REACH_M), whole.points.xyz
     held = (xyz[:, 0] >= reach.west) & (xyz[:, 0] < reach.east)

@@ -20,7 +20,7 @@ from linework.methods.tracking.against_paint import (
 )
 from linework.methods.tracking.neighbours import LineAxis
 from linework.methods.tracking.track import TrackConfig, track_lines
-from linework.model.boxes import BoxSet
+from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import CANDIDATE
 
 
@@ -44,6 +44,17 @@ def test_dashes_on_a_bright_strip_are_a_dashed_line():
     assert len(lines["lane_marking_dash"]) == 8
     # Not the strip's own boxes make it sure or unsure
     assert markings.confidence[0] > 0.95
+
+
+@pytest.mark.parametrize(("width_m", "lines"), [(None, 2), (0.7, 1)])
+def test_a_gap_with_paint_that_is_too_wide_is_not_bare(width_m, lines):
+    parts = [boxes_on(straight(20.0), straight(20.0, x=34.0))]
+    if width_m is not None:
+        wide = boxes_on(straight(13.0, x=20.5), form=BoxForm.OTHER_PAINT, seed=7)
+        parts.append(replace(wide, half_v_m=np.full(len(wide), 0.5 * width_m)))
+    found = joined(*parts)["lane_marking"]
+    assert len(found) == lines
+    assert found.bridged.any() == (lines == 1)
 
 
 def test_a_bright_strip_with_some_crisp_places_is_no_line():

@@ -13,6 +13,14 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.paint.paint_points import POINT_INTENSITY, POINT_TIME, POINT_X, POINT_Y, POINT_Z
+from linework.kernels.paint.stripe_bands import (
+    BAND_POINTS,
+    N_SIDE,
+    band_on_shoulder,
+    dark_gap,
+    difference_t,
+    narrower_band,
+)
 
 #: Columns of a band of brightness across a search area: its right and left edge [m, across], and its t-value.
 BAND_RIGHT, BAND_LEFT, BAND_T = range(3)
@@ -33,17 +41,14 @@ SHRINKING = 0.1
 #: Bins across a search area of radius R, and how far they reach in radii: a bar 0.5 m wide and the road on both
 #: sides of it fit in.
 N_ACROSS, PROFILE_REACH = 56, 1.4
-#: Bins of road beside a stripe that it is compared with: 0.10 m in a search area of 0.5 m (the lines of a double
-#: line are 0.1 m and more apart).
-N_SIDE = 4
 #: Widest paint, in bins: 1 m in a search area of 0.5 m.
 WIDEST = 40
 #: Bins on either side of a border whose means give the slope of the brightness there.
 N_EDGE = 2
 #: Most stripes of one search area: a double line and two neighbours.
 MOST_STRIPES = 4
-#: Fewest points inside and on each side of a stripe, and fewest degrees of freedom of the profile's noise.
-BAND_POINTS, LEAST_FREE = 3.0, 8.0
+#: Fewest degrees of freedom of the profile's noise.
+LEAST_FREE = 8.0
 #: Narrowest line of paint (Vienna convention of 1968, protocol on road markings). [m]
 NARROWEST_LINE_M = 0.10
 #: Smallest variance of brightness, so that noiseless points do not divide by zero. [(paint - road)^2]
@@ -258,13 +263,19 @@ def stripes_across(
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = last * size - reach, out[j, BAND_LEFT], t
             out[j, BAND_LEFT], out[j, BAND_T] = first * size - reach, t
             m += 1
-    # Both edges of a line within a band need bins of their own: where points are sparse these are too wide
-    bins = int(NARROWEST_LINE_M / size + 0.5)
-    for j in range(m):
-        if m == MOST_STRIPES or bins < 2 * N_EDGE:
+    # Both edges of a line within a band need bins of their own: where points are sparse these are too wide. Along one side
+    # of a band an edge of the line is that of the band
+    bins, wide = int(NARROWEST_LINE_M / size + 0.5), m
+    for k in range(2 * wide):
+        if m == MOST_STRIPES:
             break
-        outer = borders_of(out[j], size, reach)
-        first, last, t = narrower_band(number, total, variance, rises, falls, outer, least_t)
+        outer = borders_of(out[k % wide], size, reach)
+        if k >= wide:
+            first, last, t = band_on_shoulder(number, total, variance, rises, falls, outer, least_t)
+        elif bins >= 2 * N_EDGE:
+            first, last, t = narrower_band(number, total, variance, rises, falls, outer, least_t)
+        else:
+            continue
         if first >= 0:
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = (
                 first * size - reach,
@@ -276,129 +287,9 @@ def stripes_across(
 
 
 @njit(cache=True, nogil=True)
-def difference_t(mean: float, n: float, other: float, n_other: float, variance: float) -> float:
-    """Return how much brighter the mean of n points is than that of others, over its standard deviation."""
-    return float((mean - other) / math.sqrt(variance * (1.0 / n + 1.0 / n_other)))
-
-
-@njit(cache=True, nogil=True)
 def borders_of(band: FloatArray, size: float, reach: float) -> tuple[int, int]:
     """Return the first and last border of a band (3,) between the bins of `size` [m], which begin at -`reach` [m]."""
     return int((band[BAND_RIGHT] + reach) / size + 0.5), int((band[BAND_LEFT] + reach) / size + 0.5)
-
-
-@njit(cache=True, nogil=True)
-def dark_gap(
-    number: FloatArray,
-    total: FloatArray,
-    variance: float,
-    rises: IntArray,
-    falls: IntArray,
-    outer: tuple[int, int],
-    least_t: float,
-) -> tuple[int, int, float]:
-    """Return the gap that is darker than both lines of a band, its first and last border and t-value; -1 without one.
-
-    Parameters
-    ----------
-    number, total
-        (m + 1,): see `edges_of`.
-    variance
-        Of the brightness within the bins.
-    rises, falls
-        Borders where the profile rises and falls most.
-    outer
-        First and last border of the band.
-    least_t
-        Smallest t-value.
-    """
-    low, high = outer
-    best, first, last = least_t, -1, -1
-    for a in falls:
-        n_right = number[a] - number[low]
-        if a <= low or a >= high or n_right < BAND_POINTS:
-            continue
-        right = (total[a] - total[low]) / n_right
-        for b in rises:
-            n_gap, n_left = number[b] - number[a], number[high] - number[b]
-            if b <= a or b >= high or n_gap < BAND_POINTS or n_left < BAND_POINTS:
-                continue
-            gap, left = (total[b] - total[a]) / n_gap, (total[high] - total[b]) / n_left
-            if gap >= right or gap >= left:
-                continue
-            t = min(
-                difference_t(right, n_right, gap, n_gap, variance),
-                difference_t(left, n_left, gap, n_gap, variance),
-            )
-            if t > best:
-                best, first, last = t, a, b
-    return first, last, best
-
-
-@njit(cache=True, nogil=True)
-def narrower_band(
-    number: FloatArray,
-    total: FloatArray,
-    variance: float,
-    rises: IntArray,
-    falls: IntArray,
-    outer: tuple[int, int],
-    least_t: float,
-) -> tuple[int, int, float]:
-    """Return the band that stands out most inside a wider one, its first and last border and t-value; -1 without one.
-
-    Paint on a strip that is brighter than the road (dry, dusty, between wheel tracks): the strip stands out more from
-    the road than the paint from the strip. It does so without the paint, too, by the same t-value: else it is the paint
-    with noise at its edges.
-
-    Parameters
-    ----------
-    number, total
-        (m + 1,): see `edges_of`.
-    variance
-        Of the brightness within the bins.
-    rises, falls
-        Borders where the profile rises and falls most.
-    outer
-        First and last border of the wider band.
-    least_t
-        Smallest t-value.
-    """
-    low, high = outer
-    best, first, last = least_t, -1, -1
-    below, above = max(low - N_SIDE, 0), min(high + N_SIDE, len(number) - 1)
-    n_road_right, n_road_left = number[low] - number[below], number[above] - number[high]
-    if n_road_right < BAND_POINTS or n_road_left < BAND_POINTS:
-        return first, last, best
-    road_right, road_left = (
-        (total[low] - total[below]) / n_road_right,
-        (total[above] - total[high]) / n_road_left,
-    )
-    for a in rises:
-        n_right = number[a] - number[max(a - N_SIDE, low)]
-        if a <= low or a >= high or n_right < BAND_POINTS:
-            continue
-        right = (total[a] - total[max(a - N_SIDE, low)]) / n_right
-        for b in falls:
-            n_in, n_left = number[b] - number[a], number[min(b + N_SIDE, high)] - number[b]
-            if b <= a or b >= high or n_in < BAND_POINTS or n_left < BAND_POINTS:
-                continue
-            mean, left = (total[b] - total[a]) / n_in, (total[min(b + N_SIDE, high)] - total[b]) / n_left
-            if mean <= right or mean <= left:
-                continue
-            t = min(
-                difference_t(mean, n_in, right, n_right, variance),
-                difference_t(mean, n_in, left, n_left, variance),
-            )
-            n_rest = number[high] - number[low] - n_in
-            rest = (total[high] - total[low] - total[b] + total[a]) / n_rest
-            off = min(
-                difference_t(rest, n_rest, road_right, n_road_right, variance),
-                difference_t(rest, n_rest, road_left, n_road_left, variance),
-            )
-            if t > best and off > least_t:
-                best, first, last = t, a, b
-    return first, last, best
 
 
 @njit(cache=True, nogil=True)

@@ -19,8 +19,10 @@ from linework.kernels.paint.stripes import (
 )
 
 #: Length of the window ahead of a cell in which paint is compared with the road [m]; its inner half-width is that of the
-#: stripe less the blur of an edge; road beside it, from and to, beyond its edge [m]; fewest points of each.
+#: stripe less the blur of an edge; road beside it, from and to, beyond its edge [m]; fewest points of each. And how many times
+#: larger windows are tried, until one has enough points: as large as search areas are, for points as sparse.
 LENGTH_AHEAD_M, EDGE_BLUR_M, BOTH_SIDES_M, FEWEST_AHEAD = 1.0, 0.02, (0.03, 0.15), 4
+SCALES_AHEAD = (1.0, 2.0, 4.0)
 
 
 @njit(cache=True, nogil=True)
@@ -63,7 +65,11 @@ def cells_ahead(
             other = by_cell[cell]
             if searched[cell] or (other >= 0 and found[other, STRIPE_T] >= found[i, STRIPE_T]):
                 continue
-            if t_ahead(points, starts, lattice, found[i], ahead) >= least_t:
+            t = math.nan
+            for scale in SCALES_AHEAD:
+                if math.isnan(t):
+                    t = t_ahead(points, starts, lattice, found[i], ahead, scale)
+            if t >= least_t:
                 by_cell[cell], sense[cell] = i, ahead
     cells = np.flatnonzero(by_cell >= 0)
     rows = by_cell[cells]
@@ -82,18 +88,20 @@ def t_ahead(
     lattice: tuple[float, int, int, int, int],
     stripe: FloatArray,
     ahead: float,
+    scale: float,
 ) -> float:
     """Return how far the points ahead of a stripe stand out from the mean of both sides, over its standard deviation.
 
-    stripe: (24,); ahead: +1 along it, -1 against it. 0 where there are too few points.
+    stripe: (24,); ahead: +1 along it, -1 against it; scale: of `SCALES_AHEAD`. NaN where there are too few points.
     """
     size, south, west, n_rows, n_cols = lattice
     x0 = stripe[STRIPE_X] + ahead * 0.5 * size * stripe[STRIPE_UX]
     y0 = stripe[STRIPE_Y] + ahead * 0.5 * size * stripe[STRIPE_UY]
-    x1, y1 = x0 + ahead * LENGTH_AHEAD_M * stripe[STRIPE_UX], y0 + ahead * LENGTH_AHEAD_M * stripe[STRIPE_UY]
+    length = scale * LENGTH_AHEAD_M
+    x1, y1 = x0 + ahead * length * stripe[STRIPE_UX], y0 + ahead * length * stripe[STRIPE_UY]
     half = stripe[STRIPE_HALF_V]
-    near, far = half + BOTH_SIDES_M[0], half + BOTH_SIDES_M[1]
-    inner = max(half - EDGE_BLUR_M, EDGE_BLUR_M)
+    near, far = half + scale * BOTH_SIDES_M[0], half + scale * BOTH_SIDES_M[1]
+    inner = max(half - scale * EDGE_BLUR_M, EDGE_BLUR_M)
     row0 = max(int(np.floor((min(y0, y1) - far) / size)) - south, 0)
     row1 = min(int(np.floor((max(y0, y1) + far) / size)) - south, n_rows - 1)
     col0 = max(int(np.floor((min(x0, x1) - far) / size)) - west, 0)
@@ -103,7 +111,7 @@ def t_ahead(
         for i in range(starts[row * n_cols + col0], starts[row * n_cols + max(col1, col0 - 1) + 1]):
             dx, dy = points[i, POINT_X] - x0, points[i, POINT_Y] - y0
             u = ahead * (dx * stripe[STRIPE_UX] + dy * stripe[STRIPE_UY])
-            if u < 0.0 or u > LENGTH_AHEAD_M:
+            if u < 0.0 or u > length:
                 continue
             v = dy * stripe[STRIPE_UX] - dx * stripe[STRIPE_UY]
             if abs(v) <= inner:
@@ -116,7 +124,7 @@ def t_ahead(
             total[part] += points[i, POINT_INTENSITY]
             square[part] += points[i, POINT_INTENSITY] ** 2
     if number.min() < FEWEST_AHEAD:
-        return 0.0
+        return math.nan
     mean = total / number
     variance = np.maximum(square / number - mean**2, 0.0) / number
     gain, square_sigma = mean[0] - 0.5 * (mean[1] + mean[2]), variance[0] + 0.25 * (variance[1] + variance[2])

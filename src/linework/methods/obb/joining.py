@@ -35,6 +35,7 @@ from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.against_paint import (
     STRIP_BESIDE,
     BrightStrips,
+    bare_road,
     chances_beside_paint,
     is_other_strip,
     median_contrast,
@@ -219,22 +220,22 @@ def find_paint(now: Joining) -> Joining:
     stripes, strips = stripes.take(~is_strip), BrightStrips(stripes.take(is_strip))
     pieces = track_lines(stripes, config, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
     pieces = drop_unlikely_pieces(pieces, stripes.score)
+    is_bare = bare_road(now.is_visible, BoxSet.concatenate([stripes, strips.boxes, blobs]))
     # Worn pieces are joined along whole lines, along boundaries and along the path
     whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible, strips)
     # Paint is drawn parallel to paint, edges of pavements are ragged, and vans wander
     guides = [*by_length([*axes_of_lines(now.boundaries), *now.path]), *by_length(axes_of_lines(whole))]
     lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
     blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
-    bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
     # Lines end at mouths, where the boundaries beside them are open
     mouths = Mouths(axes_of_lines(now.boundaries), now.is_visible)
-    markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible, strips, mouths)
-    other = [*other, *marking_lines.bar_lines(blobs, bars, now.is_visible)]
+    markings, other = marking_lines.marking_lines(stripes, lines, is_bare, strips, mouths)
+    bars = marking_lines.bar_lines(blobs, track_lines(blobs, config, width_m=SAME_BOUNDARY_M), now.is_visible)
     # Half a lane beside a line, pieces in a row may be arrows
     long = [c for c in axes_of_lines(markings) if len(c.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     sides = half_lane_sides(axes_of_lines(markings), [*long, *axes_of_lines(now.boundaries)], HALF_LANE_M)
     markings, symbols, rows = marking_lines.without_symbols(stripes, markings, sides, now.is_visible, strips)
-    other = [*other, *symbols]
+    other = [*other, *bars, *symbols]
     markings, stone = _without_strips(markings, stripes)
     now = _aside(now, left_out(stone, "lane_marking", STRIP_BESIDE))
     if now.keeps_candidates:

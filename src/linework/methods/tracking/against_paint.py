@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from scipy.special import expit
 
 from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.methods.protocol import Sight
 from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
 from linework.methods.tracking.neighbours import LineAxis, find_neighbours
 from linework.methods.tracking.smooth import SmoothLine
@@ -25,6 +26,8 @@ IN_PLACE_M = 0.06
 SAME_AREA_M = 0.25
 #: A strip more than this many times as wide as the lines has room for one beside its middle.
 WIDER = 1.5
+#: Half the diagonal of a cell, which holds one box: a place nearer to a box is in its cell or at its border. [m]
+SAME_CELL_M = 0.35
 #: Strips run along a line within 15 degrees: cosine.
 ALONG = 0.966
 #: Narrowest line: paint is 0.10 m wide and more (Vienna convention of 1968, protocol on road markings), the head of a
@@ -108,6 +111,22 @@ class BrightStrips:
         chosen &= (k >= 0) & (t <= expected[np.maximum(k, 0), 1])
         score: FloatArray = self.boxes.score[near][chosen]
         return score
+
+
+def bare_road(visible: Sight, bright: BoxSet) -> Sight:
+    """Return the function of places [m, local] that is true where road was measured and nothing bright found.
+
+    What is too wide, or too unsure, to be in a line leaves no bare road either.
+    """
+    if not len(bright):
+        return visible
+    tree = cKDTree(bright.centre[:, :2])
+
+    def is_bare(xy: FloatArray) -> BoolArray:
+        bare: BoolArray = visible(xy) & (tree.query(xy)[0] > SAME_CELL_M)
+        return bare
+
+    return is_bare
 
 
 def median_contrast(boxes: BoxSet, box: IntArray) -> float:
