@@ -174,7 +174,7 @@ def stripes_across(
     """Find the stripes along a direction, and return their number: bands brighter than the road on both sides.
 
     The profile across has 56 bins. The band that stands out most from both its sides is taken (the smaller of its
-    two t-values counts), then the next one beside it.
+    two t-values counts), then the next one beside it, by the scatter of what is left.
 
     Parameters
     ----------
@@ -192,8 +192,7 @@ def stripes_across(
     reach = PROFILE_REACH * radius
     size = 2.0 * reach / N_ACROSS
     ux, uy = math.cos(angle), math.sin(angle)
-    number, total = np.zeros(N_ACROSS + 1), np.zeros(N_ACROSS + 1)
-    square = 0.0
+    number, total, square = np.zeros(N_ACROSS + 1), np.zeros(N_ACROSS + 1), np.zeros(N_ACROSS)
     for i in range(n):
         u = work[i, POINT_X] * ux + work[i, POINT_Y] * uy
         v = work[i, POINT_Y] * ux - work[i, POINT_X] * uy
@@ -201,18 +200,16 @@ def stripes_across(
             b = int((v + reach) / size)
             number[b + 1] += 1.0
             total[b + 1] += work[i, POINT_INTENSITY]
-            square += work[i, POINT_INTENSITY] ** 2
-    used, within = 0, square
-    for b in range(1, N_ACROSS + 1):
-        if number[b] > 0.0:
-            used += 1
-            within -= total[b] ** 2 / number[b]
-        number[b] += number[b - 1]
-        total[b] += total[b - 1]
-    free = number[N_ACROSS] - used
-    if free < LEAST_FREE:
+            square[b] += work[i, POINT_INTENSITY] ** 2
+    within, free = np.zeros(N_ACROSS), np.zeros(N_ACROSS)
+    for b in range(N_ACROSS):
+        if number[b + 1] > 0.0:
+            within[b], free[b] = square[b] - total[b + 1] ** 2 / number[b + 1], number[b + 1] - 1.0
+        number[b + 1] += number[b]
+        total[b + 1] += total[b]
+    if free.sum() < LEAST_FREE:
         return 0
-    variance = within / free + LEAST_VARIANCE
+    variance = within.sum() / free.sum() + LEAST_VARIANCE
     rises, falls = edges_of(number, total)
     taken = np.zeros(N_ACROSS, dtype=np.uint8)
     m = 0
@@ -253,6 +250,14 @@ def stripes_across(
         )
         m += 1
         taken[max(first - 1, 0) : min(last + 1, N_ACROSS)] = 1
+        # The next ones stand out from what is left: a kerb's face, the brightest of all, scatters most
+        rest_within, rest_free = 0.0, 0.0
+        for b in range(N_ACROSS):
+            if taken[b] == 0:
+                rest_within += within[b]
+                rest_free += free[b]
+        if rest_free >= LEAST_FREE:
+            variance = min(variance, rest_within / rest_free + LEAST_VARIANCE)
     # Two lines near each other stand out more as one from the road on both sides than each from the gap between
     for j in range(m):
         if m == MOST_STRIPES:
