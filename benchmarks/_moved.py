@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from linework.evaluation.report.tables import ReportTable, number
+from linework.evaluation.report.tables import ReportTable, number, percent
 from linework.evaluation.values import KindScores
 from linework.model.points import Points
 
@@ -25,24 +25,36 @@ def moved(points: Points, seed: int) -> Points:
 
 
 class Flips:
-    """Metres found and false in each run of a scene or survey, by kind."""
+    """Metres of truth, found of it, and drawn and false in each run of a scene or survey, by kind."""
 
     def __init__(self) -> None:
-        self._runs: dict[tuple[str, str], list[tuple[float, float, float]]] = defaultdict(list)
+        self._runs: dict[tuple[str, str], list[tuple[float, float, float, float]]] = defaultdict(list)
 
     def add(self, name: str, one: KindScores) -> None:
         """Enter one run of a scene or survey."""
         reference_m = one.observed_m or one.reference_m
         found_m = reference_m * (one.at.completeness or 0.0)
-        self._runs[name, one.kind].append(
-            (reference_m, found_m, one.extracted_m - one.at.matched_extracted_m)
-        )
+        false_m = one.extracted_m - one.at.matched_extracted_m
+        self._runs[name, one.kind].append((reference_m, found_m, false_m, one.extracted_m))
+
+    def pooled(self) -> ReportTable:
+        """Return what all runs of each scene or survey have in common, by kind."""
+        rows = []
+        for (name, kind), runs in self._runs.items():
+            reference, found, false, drawn = np.sum(runs, axis=0).tolist()
+            rows.append(
+                (
+                    name, kind, str(len(runs)), percent(found / reference if reference else None),
+                    percent(1.0 - false / drawn if drawn else None),
+                )
+            )  # fmt: skip
+        return ReportTable("All runs", ("name", "kind", "runs", "complete", "correct"), tuple(rows))
 
     def table(self) -> ReportTable:
         """Return by kind by how much found and false metres differ between the runs, the most less the least."""
         rows = []
         for kind in dict.fromkeys(kind for _, kind in self._runs):
-            runs = [np.array(own) for (_, of), own in self._runs.items() if of == kind]
+            runs = [np.array(own)[:, :3] for (_, of), own in self._runs.items() if of == kind]
             reference, found, false = np.sum(
                 [[np.max(r[:, 0]), *np.ptp(r[:, 1:], axis=0)] for r in runs], axis=0
             )

@@ -86,15 +86,15 @@ def extracted(path: Path, crs: str, seed: int = 0) -> LineSet:
     seed: of the points' move, see `moved`.
     """
     source: str | Points = str(path)
-    if path.suffix == ".log":
-        source = Points(np.loadtxt(path), crs=crs)
-    elif seed:
-        source = linework.read_points(str(path), crs=crs)
-    if isinstance(source, Points):
-        source = moved(source, seed)
     with warnings.catch_warnings():
         # That a cloud has no intensity or no trajectory is what it is here for
         warnings.simplefilter("ignore")
+        if path.suffix == ".log":
+            source = Points(np.loadtxt(path), crs=crs)
+        elif seed:
+            source = linework.read_points(str(path), crs=crs)
+        if isinstance(source, Points):
+            source = moved(source, seed)
         return linework.extract(
             source, crs=None if isinstance(source, Points) else crs, workers=1, on_problem="warn"
         )

@@ -101,7 +101,8 @@ def make_survey(folder: Path, n_points: int) -> Path:
 def measured(command: list[str]) -> tuple[float, float, int]:
     """Run a command; return wall time, processor time and the most memory of it and its children at a time.
 
-    Processes that the command does not wait for count up to the last look at them, a tenth of a second before they end.
+    The processor time is at least this: the larger of what the processes took that were waited for, and of what was seen of all,
+    up to a tenth of a second before their ends.
     """
     # Modules' bytecode is kept, as it is for users: without it every process compiles 300 files, 1 to 2 s
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}

@@ -50,7 +50,7 @@ def main(arguments=()):
             tables.append(roles_table(title, [(result.scene, getattr(result, of)) for result in every]))
         print_tables(tables)
     if options.moved:
-        print_tables([flips.table()])
+        print_tables([flips.pooled(), flips.table()])
 
 
 def parsed(arguments):

@@ -147,6 +147,36 @@ def test_a_line_lies_on_a_strip_that_stands_out_without_it(rest: float, band: tu
     assert found[:2] == band
 
 
+@pytest.mark.parametrize("face", [0.0, 1.5])
+def test_paint_stands_out_beside_the_bright_face_of_a_kerb(face: float) -> None:
+    # The face is up to eight times as bright as the paint, and scatters as much
+    found = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        work = np.zeros((400, 5))
+        work[:, 0], work[:, 1] = rng.uniform(-1.7, 1.7, (2, len(work)))
+        v = work[:, 1]
+        work[:, 3] = np.where(np.abs(v) < 0.08, 0.2, 0.0) + 0.05 * rng.normal(size=len(work))
+        at_kerb = np.abs(v - 0.4) < 0.08
+        work[at_kerb, 3] += face * rng.uniform(0.2, 1.0, np.count_nonzero(at_kerb))
+        out = np.zeros((MOST_STRIPES, 3))
+        m = stripes_across(work, len(work), 0.0, 1.0, 4.0, out)
+        found += bool(np.any(np.abs(out[:m, :2].mean(axis=1)) < 0.06))
+    assert found >= 18
+
+
+def test_a_wide_band_that_scatters_is_one_band() -> None:
+    bands = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        work = np.zeros((500, 5))
+        work[:, 0], work[:, 1] = rng.uniform(-0.85, 0.85, (2, len(work)))
+        paint = np.abs(work[:, 1]) < 0.25
+        work[:, 3] = np.where(paint, 1.0, 0.0) + np.where(paint, 0.4, 0.05) * rng.normal(size=len(work))
+        bands.append(stripes_across(work, len(work), 0.0, 0.5, 4.0, np.zeros((MOST_STRIPES, 3))))
+    assert np.mean(bands) < 1.5
+
+
 @pytest.mark.parametrize("is_left", [False, True])
 @pytest.mark.parametrize(
     ("shoulder", "bins", "band"), [(0.5, 12, (10, 15)), (0.02, 12, (-1, -1)), (0.5, 6, (-1, -1))]

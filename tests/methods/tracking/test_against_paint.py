@@ -14,6 +14,7 @@ from linework.methods.tracking.against_paint import (
     OTHER_STRIP,
     STRIP_BESIDE,
     BrightStrips,
+    bare_road,
     chance_of_one_plane,
     chances_beside_paint,
     is_other_strip,
@@ -55,6 +56,30 @@ def test_a_gap_with_paint_that_is_too_wide_is_not_bare(width_m, lines):
     found = joined(*parts)["lane_marking"]
     assert len(found) == lines
     assert found.bridged.any() == (lines == 1)
+
+
+def test_paint_beside_a_place_leaves_its_road_bare():
+    """A solid line 0.25 m beside dashes, and a place between two dashes."""
+    bright = boxes_on(straight(20.0), straight(4.0, y=0.25), straight(4.0, x=12.0, y=0.25), noise=0.001)
+    is_bare = bare_road(everything_seen, bright)
+    assert is_bare(np.array([[2.0, 0.0], [2.0, 0.25], [8.0, 0.25], [8.0, 0.0]])).tolist() == [
+        False,
+        False,
+        True,
+        False,
+    ]
+    assert is_bare(np.zeros((0, 2))).shape == (0,)
+    assert bare_road(everything_seen, bright.take([]))(np.array([[2.0, 0.0]])).tolist() == [True]
+
+
+def test_no_line_is_taken_and_left_out_as_well():
+    gap = boxes_on(straight(13.0, x=20.5), form=BoxForm.OTHER_PAINT, seed=7)
+    found = joined(
+        boxes_on(straight(20.0), straight(20.0, x=34.0)), replace(gap, half_v_m=np.full(len(gap), 0.35))
+    )
+    assert len(found["lane_marking"]) == 1
+    left_out = found.take(found.kind == CANDIDATE)
+    assert not np.any(left_out.candidate_kind == "lane_marking")
 
 
 def test_a_bright_strip_with_some_crisp_places_is_no_line():

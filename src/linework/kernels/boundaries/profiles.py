@@ -244,7 +244,7 @@ def bin_sums_across(
     """
     sums[:] = 0.0
     # Points in bins are chosen without a branch, as each would be hard to foresee, and summed after that
-    chosen, bins, n_chosen = np.empty(n + 1, np.int64), np.empty(n + 1, np.int64), 0
+    chosen, bins, n_chosen = np.empty(n, np.int64), np.empty(n, np.int64), 0
     for i in range(n):
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
         k = int((x * vx + y * vy) / step + 0.5 * N_PROFILE_BINS + 1.0)

@@ -42,7 +42,7 @@ def dark_gap(
     Parameters
     ----------
     number, total
-        (m + 1,): see `edges_of`.
+        (m + 1,): see `linework.kernels.paint.stripe_search.edges_of`.
     variance
         Of the brightness within the bins.
     rises, falls
@@ -94,7 +94,7 @@ def narrower_band(
     Parameters
     ----------
     number, total
-        (m + 1,): see `edges_of`.
+        (m + 1,): see `linework.kernels.paint.stripe_search.edges_of`.
     variance
         Of the brightness within the bins.
     rises, falls
@@ -159,7 +159,7 @@ def band_on_shoulder(
     Parameters
     ----------
     number, total
-        (m + 1,): see `edges_of`.
+        (m + 1,): see `linework.kernels.paint.stripe_search.edges_of`.
     variance
         Of the brightness within the bins.
     rises, falls
@@ -202,6 +202,6 @@ def band_on_shoulder(
 
 @njit(cache=True, nogil=True)
 def mean_between(number: FloatArray, total: FloatArray, a: int, b: int) -> tuple[float, float]:
-    """Return the mean brightness of the points between two borders, and their number; `number` and `total` as above."""
+    """Return the mean brightness of the points between two borders, and their number; `number`, `total`: (m + 1,) as above."""
     n = number[b] - number[a]
     return (total[b] - total[a]) / max(n, 1.0), n

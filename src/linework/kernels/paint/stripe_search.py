@@ -209,7 +209,7 @@ def stripes_across(
         total[b + 1] += total[b]
     if free.sum() < LEAST_FREE:
         return 0
-    variance = within.sum() / free.sum() + LEAST_VARIANCE
+    variance = pooled = within.sum() / free.sum() + LEAST_VARIANCE
     rises, falls = edges_of(number, total)
     taken = np.zeros(N_ACROSS, dtype=np.uint8)
     m = 0
@@ -258,12 +258,12 @@ def stripes_across(
                 rest_free += free[b]
         if rest_free >= LEAST_FREE:
             variance = min(variance, rest_within / rest_free + LEAST_VARIANCE)
-    # Two lines near each other stand out more as one from the road on both sides than each from the gap between
+    # What lies within a band is told by the scatter there, too. Two lines near each other stand out more as one from the road on both sides than each from the gap between
     for j in range(m):
         if m == MOST_STRIPES:
             break
         outer = borders_of(out[j], size, reach)
-        first, last, t = dark_gap(number, total, variance, rises, falls, outer, least_t)
+        first, last, t = dark_gap(number, total, pooled, rises, falls, outer, least_t)
         if first >= 0:
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = last * size - reach, out[j, BAND_LEFT], t
             out[j, BAND_LEFT], out[j, BAND_T] = first * size - reach, t
@@ -276,9 +276,9 @@ def stripes_across(
             break
         outer = borders_of(out[k % wide], size, reach)
         if k >= wide:
-            first, last, t = band_on_shoulder(number, total, variance, rises, falls, outer, least_t)
+            first, last, t = band_on_shoulder(number, total, pooled, rises, falls, outer, least_t)
         elif bins >= 2 * N_EDGE:
-            first, last, t = narrower_band(number, total, variance, rises, falls, outer, least_t)
+            first, last, t = narrower_band(number, total, pooled, rises, falls, outer, least_t)
         else:
             continue
         if first >= 0:

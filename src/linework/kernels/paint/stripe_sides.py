@@ -110,7 +110,9 @@ def level_beside(
         for k in range(len(bands)):
             right, left = bands[k, BAND_RIGHT], bands[k, BAND_LEFT]
             inside = right - BESIDE_BAND_M <= v <= left + BESIDE_BAND_M
-            is_free = is_free and (k == j or not inside or left - right > WIDEST_LINE_M)
+            # Neither the own band nor one that holds it, as a shoulder does
+            holds = right <= bands[j, BAND_RIGHT] and left >= bands[j, BAND_LEFT]
+            is_free = is_free and (holds or not inside or left - right > WIDEST_LINE_M)
         if is_free:
             total += work[i, POINT_INTENSITY]
             number += 1

@@ -101,7 +101,7 @@ def t_ahead(
     x1, y1 = x0 + ahead * length * stripe[STRIPE_UX], y0 + ahead * length * stripe[STRIPE_UY]
     half = stripe[STRIPE_HALF_V]
     near, far = half + scale * BOTH_SIDES_M[0], half + scale * BOTH_SIDES_M[1]
-    inner = max(half - scale * EDGE_BLUR_M, EDGE_BLUR_M)
+    inner = max(half - EDGE_BLUR_M, EDGE_BLUR_M)
     row0 = max(int(np.floor((min(y0, y1) - far) / size)) - south, 0)
     row1 = min(int(np.floor((max(y0, y1) + far) / size)) - south, n_rows - 1)
     col0 = max(int(np.floor((min(x0, x1) - far) / size)) - west, 0)

@@ -220,7 +220,7 @@ def find_paint(now: Joining) -> Joining:
     stripes, strips = stripes.take(~is_strip), BrightStrips(stripes.take(is_strip))
     pieces = track_lines(stripes, config, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
     pieces = drop_unlikely_pieces(pieces, stripes.score)
-    is_bare = bare_road(now.is_visible, BoxSet.concatenate([stripes, strips.boxes, blobs]))
+    is_bare = bare_road(now.is_visible, BoxSet.concatenate([stripes, blobs, strips.boxes]))
     # Worn pieces are joined along whole lines, along boundaries and along the path
     whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible, strips)
     # Paint is drawn parallel to paint, edges of pavements are ragged, and vans wander
@@ -231,7 +231,7 @@ def find_paint(now: Joining) -> Joining:
     mouths = Mouths(axes_of_lines(now.boundaries), now.is_visible)
     markings, other = marking_lines.marking_lines(stripes, lines, is_bare, strips, mouths)
     bars = marking_lines.bar_lines(blobs, track_lines(blobs, config, width_m=SAME_BOUNDARY_M), now.is_visible)
-    # Half a lane beside a line, pieces in a row may be arrows
+    # Half a lane beside a line, pieces in a row may be arrows: what is bright between them may be letters
     long = [c for c in axes_of_lines(markings) if len(c.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     sides = half_lane_sides(axes_of_lines(markings), [*long, *axes_of_lines(now.boundaries)], HALF_LANE_M)
     markings, symbols, rows = marking_lines.without_symbols(stripes, markings, sides, now.is_visible, strips)
@@ -242,7 +242,7 @@ def find_paint(now: Joining) -> Joining:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
         found, _ = marking_lines.marking_lines(stones, tracks, now.is_visible)
-        unlikely = marking_lines.unlikely_lines(stripes, lines, now.is_visible, strips, mouths)
+        unlikely = marking_lines.unlikely_lines(stripes, lines, is_bare, strips, mouths)
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
         now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in [*unlikely, *rows]])
     return replace(now, markings=markings, other=other)

@@ -56,7 +56,7 @@ _COLUMNS = np.arange(-_N_BESIDE, _N_BESIDE + 1, dtype=np.float64) * _PLACE_STEP_
 _NEAR = 6
 #: Views that are kept: of three outlines of 17 heights with 12 noises.
 _KEPT_VIEWS = 1024
-#: Sets of tried places that are kept: of 81 middles with a few dozen offsets; some are never asked for.
+#: Sets of tried places that are kept: of 81 middles, each with the offsets of outlines, heights and noises that are tried.
 _KEPT_PLACES = 4096
 
 

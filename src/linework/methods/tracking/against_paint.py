@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 from scipy.special import expit
 
@@ -26,8 +27,6 @@ IN_PLACE_M = 0.06
 SAME_AREA_M = 0.25
 #: A strip more than this many times as wide as the lines has room for one beside its middle.
 WIDER = 1.5
-#: Half the diagonal of a cell, which holds one box: a place nearer to a box is in its cell or at its border. [m]
-SAME_CELL_M = 0.35
 #: Strips run along a line within 15 degrees: cosine.
 ALONG = 0.966
 #: Narrowest line: paint is 0.10 m wide and more (Vienna convention of 1968, protocol on road markings), the head of a
@@ -116,14 +115,16 @@ class BrightStrips:
 def bare_road(visible: Sight, bright: BoxSet) -> Sight:
     """Return the function of places [m, local] that is true where road was measured and nothing bright found.
 
-    What is too wide, or too unsure, to be in a line leaves no bare road either.
+    What is too wide, or too unsure, to be in a line leaves no bare road under it either; what lies beside a place does.
     """
-    if not len(bright):
-        return visible
-    tree = cKDTree(bright.centre[:, :2])
+    u, v = bright.u, np.column_stack([-bright.u[:, 1], bright.u[:, 0]])
+    reach_u, reach_v = bright.half_u_m[:, None] * u, (bright.half_v_m + IN_PLACE_M)[:, None] * v
+    corners = [a * reach_u + b * reach_v for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    tree = shapely.STRtree(shapely.polygons(bright.centre[:, None, :2] + np.stack(corners, axis=1)))
 
     def is_bare(xy: FloatArray) -> BoolArray:
-        bare: BoolArray = visible(xy) & (tree.query(xy)[0] > SAME_CELL_M)
+        bare = np.array(visible(xy), dtype=np.bool_)
+        bare[tree.query(shapely.points(xy), predicate="intersects")[0]] = False
         return bare
 
     return is_bare

@@ -28,6 +28,8 @@ from linework.runs.steps import Advance, RunSteps
 
 #: Points of an area that are taken into memory at once, if they lie evenly: as many as of a large tile.
 _MOST_POINTS = 5_000_000
+#: Stores that are written at once: each holds the points of an area that it was given, 0.1 GB for the largest.
+_MOST_STORES = 4
 #: Takes and returns points with the same columns.
 PointChange = Callable[[Points], Points]
 
@@ -157,16 +159,16 @@ def make_missing_stores(
     step: str,
     near_xy: FloatArray | None = None,
 ) -> None:
-    """Make the stores of changed points that are not there yet, of one reading; arguments as above.
+    """Make the stores of changed points that are not there yet, `_MOST_STORES` of one reading; arguments as above.
 
     changes: functions by the folder of the store that each makes.
     """
-    with contextlib.ExitStack() as held:
-        parts = dict[Path, PointChange]()
-        for folder, change in changes.items():
-            if not folder.is_dir():
+    missing = [folder for folder in changes if not folder.is_dir()]
+    for i in range(0, len(missing), _MOST_STORES):
+        with contextlib.ExitStack() as held:
+            parts = dict[Path, PointChange]()
+            for folder in missing[i : i + _MOST_STORES]:
                 folder.parent.mkdir(parents=True, exist_ok=True)
-                parts[held.enter_context(replacing_folder(folder))] = change
-        if parts:
+                parts[held.enter_context(replacing_folder(folder))] = changes[folder]
             with steps.step(step, unit="points") as advance:
                 write_changed_stores(store, parts, advance, near_xy)
