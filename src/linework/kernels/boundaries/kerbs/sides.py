@@ -184,13 +184,17 @@ def _count_across(
     vx, vy = frame
     step = PROFILE_BIN_M * scale
     counts[:], heights[:] = 0.0, 0.0
+    # Points in bins are chosen without a branch, as in `bin_sums_across`
+    bins, r, n_chosen = np.empty(n + 1, np.int64), np.empty(n + 1), 0
     for i in range(n):
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
-        v, u = x * vx + y * vy, x * vy - y * vx
-        k = int(np.floor(v / step)) + SHADOW_TOP_BINS
-        if 0 <= k < N_SHADOW_BINS and abs(u) <= half_u and abs(work[i, PLACE_R]) <= CLIP_M:
-            counts[k] += 1.0
-            heights[k] += work[i, PLACE_R]
+        k = int(np.floor((x * vx + y * vy) / step)) + SHADOW_TOP_BINS
+        bins[n_chosen], r[n_chosen] = k, work[i, PLACE_R]
+        is_near = (abs(x * vy - y * vx) <= half_u) & (abs(work[i, PLACE_R]) <= CLIP_M)
+        n_chosen += int(is_near & (k >= 0) & (k < N_SHADOW_BINS))
+    for j in range(n_chosen):
+        counts[bins[j]] += 1.0
+        heights[bins[j]] += r[j]
 
 
 @njit(cache=True, nogil=True)
