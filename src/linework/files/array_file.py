@@ -31,6 +31,8 @@ ARRAY_SUFFIX = ".arrays"
 _ALIGNMENT = 64
 #: Bytes of an .npy 1.0 header up to and with its length.
 _PREFIX_BYTES = 10
+#: Bytes of a header of few dimensions, which numpy fills up to that.
+_USUAL_HEADER_BYTES = 128
 ADVICE = "linework clean removes the work folder, the next run rebuilds it"
 
 
@@ -101,8 +103,11 @@ class ArrayFile:
         self._layout = []
         size, begin = os.fstat(handle).st_size, 0
         while begin < size:
-            start = begin + _PREFIX_BYTES + int.from_bytes(bytes_at(handle, 2, begin + 8), "little")
-            dtype, shape = _header(bytes_at(handle, start - begin, begin))
+            # Nearly all headers fill 128 bytes: they are read at once
+            head = bytes_at(handle, _USUAL_HEADER_BYTES, begin)
+            length = _PREFIX_BYTES + int.from_bytes(head[8:_PREFIX_BYTES], "little")
+            start = begin + length
+            dtype, shape = _header(head[:length] if length <= len(head) else bytes_at(handle, length, begin))
             self._layout.append((dtype, shape, start))
             begin = start + math.prod(shape) * dtype.itemsize
             if begin > size:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linework.errors import MachineError
+from linework.files.array_file import opened_arrays, write_arrays
 from linework.files.store.cell_tiles import SurfaceTiles
 from linework.surface.cells import CellWindow
 
@@ -83,3 +84,11 @@ def test_stretches_that_do_not_fill_the_plane_are_said(tmp_path):
     path.write_bytes(data)
     with pytest.raises(MachineError, match=r"is damaged: stretches of 1 cells do not fill 16 x 16"):
         tiles.read("cells", (0, 0))
+
+
+def test_headers_of_any_length_are_read(tmp_path):
+    # Headers of 128 bytes are usual, those of many dimensions are longer
+    arrays = np.arange(3.0), np.arange(2).reshape((1,) * 30 + (2,)), np.arange(5, dtype="u1")
+    write_arrays(tmp_path / "a.arrays", *arrays)
+    with opened_arrays(tmp_path / "a.arrays") as file:
+        assert all(same(a, b) for a, b in zip(file.all(), arrays, strict=True))
