@@ -145,6 +145,7 @@ class SurveySurface:
         ground_m, kind = road_m.copy(), np.zeros(window.shape, dtype=np.uint8)
         sigma = np.full(window.shape, passes.NOT_KNOWN, dtype=np.uint16)
         out: tuple[AnyArray, ...] = road_m, ground_m, kind, sigma
+        coarse: CoarseGround | None = None
         for tile in self.tiles.touching(window):
             at = self.tiles.place(tile, window)
             if tile in self.known:
@@ -152,7 +153,8 @@ class SurveySurface:
                     to[at] = self.tiles.part(passes.SURFACE, i, tile, window)
             elif tile not in self.failed:
                 shared = self.tiles.window(tile).common(window)
-                road_m[at] = ground_m[at] = self._far(shared) if shared else np.nan
+                coarse = coarse or CoarseGround(*self.tiles.read_common(passes.COARSE))
+                road_m[at] = ground_m[at] = self._far(coarse, shared) if shared else np.nan
         return Ground(
             window.grid(self.cell_m),
             self.z0_m,
@@ -162,9 +164,8 @@ class SurveySurface:
             passes.unpacked_sigma(sigma),
         )
 
-    def _far(self, window: CellWindow) -> AnyArray:
+    def _far(self, coarse: CoarseGround, window: CellWindow) -> AnyArray:
         """Return the ground in cells far from any ground: the height of the nearest block that has ground."""
-        coarse = CoarseGround(*self.tiles.read_common(passes.COARSE))
         far, rows, cols = coarse.over(window, self.cell_m)
         return np.asarray(far[rows[:, None], cols])
 
@@ -180,6 +181,9 @@ class SurveySight:
         """Return (n,) bool for (n, 2) places [m, world]."""
         out = np.zeros(len(xy), dtype=np.bool_)
         number = np.floor(xy / SIGHT_PIECE_M).astype(np.int64)
+        if len(number) and (number == number[0]).all():
+            # Nearly always, and their sorting takes most of the time
+            return self._piece(*number[0].tolist())(xy)
         for east, north in np.unique(number, axis=0).tolist():
             inside = (number[:, 0] == east) & (number[:, 1] == north)
             out[inside] = self._piece(east, north)(xy[inside])

@@ -238,10 +238,10 @@ def extend_tile_surface(task: SurfaceTileTask) -> tuple[bool, RoadAside]:
     """Write road and ground of a tile; return whether there is either nearby, and what lies beside its roads."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     around = window.grown(halo_cells(config))
-    is_ground = _ground_cells(tiles, around)
+    is_road = _cells_of(tiles, _ROAD, around)
+    is_ground = is_road | _cells_of(tiles, _GROUND, around)
     if not is_ground.any():
         return False, RoadAside()
-    is_road = _cells_of(tiles, _ROAD, around)
     height = tiles.over(CELLS, 0, around, np.float32(np.nan))
     coarse = CoarseGround(*tiles.read_common(COARSE))
     spread = tiles.over(CELLS, 1, window, np.float32(np.nan))
