@@ -1,4 +1,4 @@
-"""Points moved by a millimetre at random: what of a result hangs on that is luck, not skill."""
+"""Points moved by a millimetre at random: what of a result depends on that is luck, not skill."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def moved(points: Points, seed: int) -> Points:
     )
 
 
-class Flips:
+class MovedRuns:
     """Metres of truth, found of it, and drawn and false in each run of a scene or survey, by kind."""
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Flips:
         self._runs[name, one.kind].append((reference_m, found_m, false_m, one.extracted_m))
 
     def pooled(self) -> ReportTable:
-        """Return what all runs of each scene or survey have in common, by kind."""
+        """Return the scores of all runs of each scene or survey together, by kind."""
         rows = []
         for (name, kind), runs in self._runs.items():
             reference, found, false, drawn = np.sum(runs, axis=0).tolist()
@@ -60,7 +60,7 @@ class Flips:
             )
             rows.append((kind, number(reference, 0), number(found, 0), number(false, 0)))
         return ReportTable(
-            "What hangs on a millimetre",
+            "What depends on a millimetre",
             ("kind", "truth\nm", "found, most\nless least\nm", "false, most\nless least\nm"),
             tuple(rows),
             f"points moved by {1000.0 * MOVED_M:.0f} mm at random; summed over scenes and surveys",

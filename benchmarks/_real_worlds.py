@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import linework
-from benchmarks._moved import Flips, moved
+from benchmarks._moved import MovedRuns, moved
 from benchmarks._references import Reference, data_folder, read_references, within
 from linework.errors import LineworkError
 from linework.evaluation.measures import match_lines, score
@@ -33,11 +33,11 @@ class WorldResult:
 
 
 def real_worlds(
-    data: Path, names: tuple[str, ...] = (), n_moved: int = 0, flips: Flips | None = None
+    data: Path, names: tuple[str, ...] = (), n_moved: int = 0, moved_runs: MovedRuns | None = None
 ) -> list[WorldResult]:
     """Extract and score every survey that there is a reference for; a survey that is missing says so.
 
-    n_moved, flips: times that it is done again with moved points, and where what comes out is entered.
+    n_moved, moved_runs: times that it is done again with moved points, and where what comes out is entered.
     """
     results: list[WorldResult] = []
     # Several references may lie in one file
@@ -47,10 +47,10 @@ def real_worlds(
             continue
         result = scored_survey(reference, data, seen)
         results.append(result)
-        for k in range(n_moved + 1 if flips is not None and not result.problem else 0):
+        for k in range(n_moved + 1 if moved_runs is not None and not result.problem else 0):
             again = result if k == 0 else scored_survey(reference, data, seen, k)
             for one in again.scores:
-                flips.add(reference.name, one)
+                moved_runs.add(reference.name, one)
         print(f"{reference.name}: {result.problem or f'{result.seconds:.1f} s'}", flush=True)
     return results
 

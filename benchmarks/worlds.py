@@ -6,14 +6,14 @@ within the area of its reference (tests/references). ``--surveys av2,here-a22`` 
 ``--roads urban,motorway --seeds 900-904`` takes scenes of the simulator, by the names that it gives them, ``none``
 none; ``--scanners`` and ``--conditions`` likewise, ``--holes`` leaves stretches without points. Scored is what
 ``linework.extract`` gives. ``--moved 3`` scores everything three times more, with points moved by a millimetre, and
-says what hangs on that. Nothing may be tuned on the seeds that are reported.
+says what depends on that. Nothing may be tuned on the seeds that are reported.
 """
 
 import argparse
 from dataclasses import replace
 
 from benchmarks._edge_roles import roles_table
-from benchmarks._moved import Flips, moved
+from benchmarks._moved import MovedRuns, moved
 from benchmarks._real_worlds import checked_data, real_table, real_worlds
 from benchmarks._simulated_worlds import (
     SceneResult,
@@ -36,12 +36,12 @@ NONE = "none"
 
 
 def main(arguments=()):
-    options, flips = parsed(arguments), Flips()
+    options, moved_runs = parsed(arguments), MovedRuns()
     if options.surveys != NONE:
         names = tuple(filter(None, options.surveys.split(",")))
-        print_tables([real_table(real_worlds(checked_data(options.data), names, options.moved, flips))])
+        print_tables([real_table(real_worlds(checked_data(options.data), names, options.moved, moved_runs))])
     if options.roads != NONE:
-        results = scenes_of(options, flips)
+        results = scenes_of(options, moved_runs)
         tables = [scores_table(results)]
         if options.causes:
             tables += [causes_table(results), causes_table([summed(results)])]
@@ -50,7 +50,7 @@ def main(arguments=()):
             tables.append(roles_table(title, [(result.scene, getattr(result, of)) for result in every]))
         print_tables(tables)
     if options.moved:
-        print_tables([flips.pooled(), flips.table()])
+        print_tables([moved_runs.pooled(), moved_runs.table()])
 
 
 def parsed(arguments):
@@ -72,7 +72,7 @@ def parsed(arguments):
     return parser.parse_args(list(arguments))
 
 
-def scenes_of(options, flips):
+def scenes_of(options, moved_runs):
     """Extract and score every scene; one that the simulator refuses is said."""
     kinds, results = parse_kinds(options.kinds), []
     for scanner in options.scanners.split(","):
@@ -90,7 +90,7 @@ def scenes_of(options, flips):
                         for k in range(options.moved + 1):
                             again = replace(survey, points=moved(survey.points, k))
                             for one in scored_scene(again, kinds, result, name, causes=options.causes):
-                                flips.add(name, one)
+                                moved_runs.add(name, one)
                     except LineworkError as problem:
                         print(f"{name}: {problem}", flush=True)
                 results.append(result)

@@ -89,7 +89,8 @@ def test_sparse_points_are_compared_over_longer_windows() -> None:
 def test_a_tile_has_the_boxes_that_grow_into_it(west_m: float, is_sparse: bool) -> None:
     whole = road_with(CRISP, Stripe(WORN.start, (10.0, 6.1), 0.12, 1.34))
     if is_sparse:
-        stripes = Stripe((0.2, 6.1), (5.0, 6.1), 0.3, 1.6), Stripe((5.0, 6.1), (11.0, 6.1), 0.3, 1.35)
+        # Across the cells: 10 degrees from their rows
+        stripes = Stripe((0.2, 5.1), (5.0, 5.95), 0.3, 1.6), Stripe((5.0, 5.95), (11.0, 7.0), 0.3, 1.35)
         whole = tile_of(*road_points(np.random.default_rng(6), stripes, per_m2=30.0))
     core = Bounds(EAST_M + west_m, NORTH_M + 4.0, EAST_M + west_m + 2.0, NORTH_M + 8.0)
     reach, xyz = core.grown(MARKING_REACH_M), whole.points.xyz

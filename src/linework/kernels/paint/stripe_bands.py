@@ -28,6 +28,16 @@ def difference_t(mean: float, n: float, other: float, n_other: float, variance: 
 
 
 @njit(cache=True, nogil=True)
+def mean_between(number: FloatArray, total: FloatArray, a: int, b: int) -> tuple[float, float]:
+    """Return the mean brightness of the points between two borders, and their number; 0 and 0 without any.
+
+    number, total: (m + 1,) see `linework.kernels.paint.stripe_search.edges_of`.
+    """
+    n = number[b] - number[a]
+    return (total[b] - total[a]) / max(n, 1.0), n
+
+
+@njit(cache=True, nogil=True)
 def dark_gap(
     number: FloatArray,
     total: FloatArray,
@@ -55,16 +65,15 @@ def dark_gap(
     low, high = outer
     best, first, last = least_t, -1, -1
     for a in falls:
-        n_right = number[a] - number[low]
-        if a <= low or a >= high or n_right < BAND_POINTS:
+        if a <= low or a >= high:
             continue
-        right = (total[a] - total[low]) / n_right
+        right, n_right = mean_between(number, total, low, a)
         for b in rises:
-            n_gap, n_left = number[b] - number[a], number[high] - number[b]
-            if b <= a or b >= high or n_gap < BAND_POINTS or n_left < BAND_POINTS:
+            if b <= a or b >= high:
                 continue
-            gap, left = (total[b] - total[a]) / n_gap, (total[high] - total[b]) / n_left
-            if gap >= right or gap >= left:
+            gap, n_gap = mean_between(number, total, a, b)
+            left, n_left = mean_between(number, total, b, high)
+            if min(n_right, n_gap, n_left) < BAND_POINTS:
                 continue
             t = min(
                 difference_t(right, n_right, gap, n_gap, variance),
@@ -89,42 +98,24 @@ def narrower_band(
 
     Paint on a strip that is brighter than the road (dry, dusty, between wheel tracks): the strip stands out more from
     the road than the paint from the strip. It does so without the paint, too, by the same t-value: else it is the paint
-    with noise at its edges.
-
-    Parameters
-    ----------
-    number, total
-        (m + 1,): see `linework.kernels.paint.stripe_search.edges_of`.
-    variance
-        Of the brightness within the bins.
-    rises, falls
-        Borders where the profile rises and falls most.
-    outer
-        First and last border of the wider band.
-    least_t
-        Smallest t-value.
+    with noise at its edges. Arguments as for `dark_gap`.
     """
     low, high = outer
     best, first, last = least_t, -1, -1
-    below, above = max(low - N_SIDE, 0), min(high + N_SIDE, len(number) - 1)
-    n_road_right, n_road_left = number[low] - number[below], number[above] - number[high]
-    if n_road_right < BAND_POINTS or n_road_left < BAND_POINTS:
+    road_right, n_road_right = mean_between(number, total, max(low - N_SIDE, 0), low)
+    road_left, n_road_left = mean_between(number, total, high, min(high + N_SIDE, len(number) - 1))
+    if min(n_road_right, n_road_left) < BAND_POINTS:
         return first, last, best
-    road_right, road_left = (
-        (total[low] - total[below]) / n_road_right,
-        (total[above] - total[high]) / n_road_left,
-    )
     for a in rises:
-        n_right = number[a] - number[max(a - N_SIDE, low)]
-        if a <= low or a >= high or n_right < BAND_POINTS:
+        if a <= low or a >= high:
             continue
-        right = (total[a] - total[max(a - N_SIDE, low)]) / n_right
+        right, n_right = mean_between(number, total, max(a - N_SIDE, low), a)
         for b in falls:
-            n_in, n_left = number[b] - number[a], number[min(b + N_SIDE, high)] - number[b]
-            if b <= a or b >= high or n_in < BAND_POINTS or n_left < BAND_POINTS:
+            if b <= a or b >= high:
                 continue
-            mean, left = (total[b] - total[a]) / n_in, (total[min(b + N_SIDE, high)] - total[b]) / n_left
-            if mean <= right or mean <= left:
+            mean, n_in = mean_between(number, total, a, b)
+            left, n_left = mean_between(number, total, b, min(b + N_SIDE, high))
+            if min(n_right, n_in, n_left) < BAND_POINTS:
                 continue
             t = min(
                 difference_t(mean, n_in, right, n_right, variance),
@@ -153,55 +144,38 @@ def band_on_shoulder(
 ) -> tuple[int, int, float]:
     """Return the band along one side of a wider one, its first and last border and t-value; -1 without one.
 
-    Paint beside dust, stones or a place that dries: the paint ends on one side only, and with all of the strip beside it
-    stands out more than alone. The strip stands out from the road on both sides without the paint, too.
-
-    Parameters
-    ----------
-    number, total
-        (m + 1,): see `linework.kernels.paint.stripe_search.edges_of`.
-    variance
-        Of the brightness within the bins.
-    rises, falls
-        Borders where the profile rises and falls most.
-    outer
-        First and last border of the wider band.
-    least_t
-        Smallest t-value.
+    Paint beside dust, stones or a place that dries: the paint ends on one side only, and stands out more together with
+    the strip beside it than alone. Without the paint, too, the strip, its shoulder, stands out from the road on both sides.
+    Arguments as for `dark_gap`.
     """
     low, high = outer
     best, first, last = least_t, -1, -1
-    right = mean_between(number, total, max(low - N_SIDE, 0), low)
-    left = mean_between(number, total, high, min(high + N_SIDE, len(number) - 1))
+    road_right, n_road_right = mean_between(number, total, max(low - N_SIDE, 0), low)
+    road_left, n_road_left = mean_between(number, total, high, min(high + N_SIDE, len(number) - 1))
+    if min(n_road_right, n_road_left) < BAND_POINTS:
+        return first, last, best
     for k in range(len(falls) + len(rises)):
-        # The paint is on the right, and falls towards the shoulder, or on the left
+        # The paint is on the right of the band, and falls towards the shoulder, or on the left
         is_right = k < len(falls)
         border = falls[k] if is_right else rises[k - len(falls)]
         a, b, begin, end = (low, border, border, high) if is_right else (border, high, low, border)
         if b <= a or end - begin < LEAST_SHOULDER:
             continue
+        paint, n_paint = mean_between(number, total, a, b)
+        shoulder, n_shoulder = mean_between(number, total, begin, end)
         near = (begin, begin + N_SIDE) if is_right else (end - N_SIDE, end)
-        paint, beside = mean_between(number, total, a, b), mean_between(number, total, near[0], near[1])
-        shoulder, road, beyond = mean_between(number, total, begin, end), right, left
-        if not is_right:
-            road, beyond = left, right
-        if min(paint[1], beside[1], shoulder[1], road[1], beyond[1]) < BAND_POINTS:
+        beside, n_beside = mean_between(number, total, near[0], near[1])
+        if min(n_paint, n_beside) < BAND_POINTS:
             continue
+        road, n_road = (road_right, n_road_right) if is_right else (road_left, n_road_left)
         t = min(
-            difference_t(paint[0], paint[1], road[0], road[1], variance),
-            difference_t(paint[0], paint[1], beside[0], beside[1], variance),
+            difference_t(paint, n_paint, road, n_road, variance),
+            difference_t(paint, n_paint, beside, n_beside, variance),
         )
         off = min(
-            difference_t(shoulder[0], shoulder[1], road[0], road[1], variance),
-            difference_t(shoulder[0], shoulder[1], beyond[0], beyond[1], variance),
+            difference_t(shoulder, n_shoulder, road_right, n_road_right, variance),
+            difference_t(shoulder, n_shoulder, road_left, n_road_left, variance),
         )
         if t > best and off > least_t:
             best, first, last = t, a, b
     return first, last, best
-
-
-@njit(cache=True, nogil=True)
-def mean_between(number: FloatArray, total: FloatArray, a: int, b: int) -> tuple[float, float]:
-    """Return the mean brightness of the points between two borders, and their number; `number`, `total`: (m + 1,) as above."""
-    n = number[b] - number[a]
-    return (total[b] - total[a]) / max(n, 1.0), n

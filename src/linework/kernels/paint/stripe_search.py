@@ -22,7 +22,8 @@ from linework.kernels.paint.stripe_bands import (
     narrower_band,
 )
 
-#: Columns of a band of brightness across a search area: its right and left edge [m, across], and its t-value.
+#: Columns of a band of brightness across a search area: its right and left edge [m, across], and its t-value over
+#: the scatter of what was left when it was taken.
 BAND_RIGHT, BAND_LEFT, BAND_T = range(3)
 BAND_COLUMNS = 3
 

@@ -35,8 +35,8 @@ MARKING_CELL_M = 0.5
 #: (11 simulated scenes that were looked at, 2026-11-27, decision 100).
 CELLS_AHEAD = 2
 #: A box depends on the points within this of its cell only: the largest search area reaches 3.5 m from its middle, which is
-#: in the cell, and the longest window ahead 3.75 m beyond the cell that it asks for and 1.1 m to its sides, 3.95 m. Cells
-#: follow each other across corners, too: 0.71 m each. [m]
+#: in the cell, and the longest window ahead 3.75 m beyond the cell that it asks for and 1.1 m to its sides, 3.9 m. Cells
+#: follow each other across corners, too: 0.71 m each, 5.3 m in all. [m]
 MARKING_REACH_M = 4.5 + CELLS_AHEAD * MARKING_CELL_M
 #: Share of the points of a road without paint that are 2.5 standard deviations above its level, texture included.
 _CHANCE = 0.02

@@ -113,7 +113,7 @@ def marking_lines(
     Parameters
     ----------
     visible
-        Whether road or ground was measured at places [m, local].
+        Whether road or ground was measured at places [m, local], and is bare there if that is known (`bare_road`).
     strips
         Bright strips that are no paint: evidence against lines that should have paint there.
     mouths
