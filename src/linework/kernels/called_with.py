@@ -171,6 +171,8 @@ paint.paint_points.sort_into_cells = paint boundaries
     f8:2C! f4:1C! f8:1C! f8:1C i4:1C i8
 paint.rhythm.best_rhythm = paint pairs
     b1:1C f8 (f8,f8) (f8,f8,f8) (f8,f8) f8
+paint.scan_rows.evened_rows = paint boundaries
+    f8:2C i8:1C (f8,i8,i8,i8,i8) f8:2C
 paint.stripes_ahead.cells_ahead = paint boundaries
     f8:2C i8:1C (f8,i8,i8,i8,i8) f8:2C b1:1C f8
 paint.stripes_all.all_stripes = paint boundaries

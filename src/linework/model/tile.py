@@ -32,10 +32,15 @@ class LaserGains:
         Column of the points that has their laser; "" where there is one laser, or it is not known.
     gain
         (b,) float64: by the number of the laser; 1 for the mean over all points.
+    rows
+        (k, 3) float64: directions of scan lines that are farther apart than a line of paint is wide, as unit vectors in
+        plan, and how far they are apart [m]. Where strips overlap, each may see things with a gain of its own
+        (`linework.kernels.paint.scan_rows`).
     """
 
     column: str = ""
     gain: FloatArray = field(default_factory=lambda: np.ones(0))
+    rows: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def without(self, points: Points) -> Points:
         """Return points with the intensities that one laser would have recorded.

@@ -18,6 +18,7 @@ from linework.model.points import Points
 from linework.model.tile import SPINNING, UNORDERED, LaserGains, ScannerTiming
 from linework.scanlines.beams import laser_gains
 from linework.scanlines.fields import laser_column
+from linework.scanlines.pattern import mean_spacing_m, spacing_pattern
 from linework.scanlines.timing import scanner_timing
 
 #: Side of the blocks that pieces are taken from [m], and how many: at a van's speed each is drawn in seconds, some
@@ -25,6 +26,12 @@ from linework.scanlines.timing import scanner_timing
 SAMPLED_BLOCK_M, _N_PIECES = 64.0, 4
 #: Points of a piece: the middle of a block that has more. A hundred turns of the fastest scanners. [points]
 _PIECE_POINTS = 500_000
+#: Mean spacing of points from which rows are looked for: as wide as the narrowest line. Nearer ones give each line several
+#: rows. [m]
+ROWS_APART_M = 0.1
+#: Directions within this are one: sine of 1 degree, less than a row of 3 m and 4 cm shows; the share of all points
+#: that a direction has at least, and most directions: two crossing flights, with to and fro of each mirror.
+_SAME_ROWS, _ROWS_SHARE, _MOST_ROWS = 0.0175, 0.05, 4
 
 
 def pieces_to_sample(blocks: IntArray, counts: IntArray) -> list[Bounds]:
@@ -91,8 +98,8 @@ def sampled_gains(blocks: IntArray, counts: IntArray, read: Callable[[Bounds], P
     """Return the gains of a survey's lasers, from the pieces that `sampled_timing` looks at; parameters as there."""
     first, *rest = pieces_to_sample(blocks, counts)
     piece = read(first)
-    # Of most surveys one piece tells that they have one laser
-    if len(piece) and not laser_column(piece):
+    # Of most surveys one piece tells that they have one laser, and many points
+    if len(piece) and not laser_column(piece) and mean_spacing_m(piece.xyz) < ROWS_APART_M:
         return LaserGains()
     return _gains_of_pieces([piece, *(read(area) for area in rest)])
 
@@ -137,7 +144,7 @@ def _gains_of_pieces(pieces: Sequence[Points]) -> LaserGains:
     known = [piece for piece in pieces if len(piece)]
     name = laser_column(known[0]) if known else ""
     if not name or any(piece.intensity is None or name not in piece.columns for piece in known):
-        return LaserGains()
+        return LaserGains(rows=rows_of_pieces(known))
     laser = np.concatenate([piece.columns[name] for piece in known])
     intensity = np.concatenate([piece.intensity for piece in known if piece.intensity is not None])
     has = np.flatnonzero(laser >= 0)  # NaN: of a file without lasers
@@ -146,6 +153,36 @@ def _gains_of_pieces(pieces: Sequence[Points]) -> LaserGains:
     of_number = np.ones(int(numbers.max(initial=-1)) + 1)
     of_number[numbers] = np.where(np.isfinite(sigmas), gains, 1.0)
     return LaserGains(name, of_number)
+
+
+def rows_of_pieces(pieces: Sequence[Points]) -> FloatArray:
+    """Return the directions of scan lines that are farther apart than `ROWS_APART_M`, (k, 3): see `LaserGains.rows`.
+
+    Strips that are flown to and fro share one direction; the directions that most points have come first.
+    """
+    found = []
+    for piece in pieces:
+        spacing_m = mean_spacing_m(piece.xyz)
+        if spacing_m >= ROWS_APART_M:
+            direction, _, across_m = spacing_pattern(piece.xyz, spacing_m)
+            found.append(np.column_stack([direction, across_m])[np.isfinite(direction[:, 0])])
+    if not found or not sum(map(len, found)):
+        return np.zeros((0, 3))
+    patterns, counts = np.unique(np.concatenate(found).astype(np.float64), axis=0, return_counts=True)
+    rows = np.zeros((0, 3))
+    while counts.sum() >= _ROWS_SHARE * sum(map(len, pieces)) and len(rows) < _MOST_ROWS:
+        best = patterns[np.argmax(counts)]
+        alike = np.abs(patterns[:, 0] * best[1] - patterns[:, 1] * best[0]) <= _SAME_ROWS
+        # Of either sign: turned as the best, then the mean over all points
+        same = patterns[alike] * np.where(patterns[alike, :2] @ best[:2] < 0.0, -1.0, 1.0)[:, None]
+        x, y, apart_m = np.average(
+            np.column_stack([same[:, :2], np.abs(same[:, 2])]), axis=0, weights=counts[alike]
+        )
+        if counts[alike].sum() >= _ROWS_SHARE * sum(map(len, pieces)):
+            length = math.hypot(x, y)
+            rows = np.vstack([rows, [x / length, y / length, apart_m]])
+        patterns, counts = patterns[~alike], counts[~alike]
+    return rows
 
 
 def _without_devices(points: Points) -> Points:

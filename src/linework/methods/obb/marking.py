@@ -17,6 +17,7 @@ from scipy.special import expit
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.paint import paint_points, stripes
+from linework.kernels.paint.scan_rows import ROWS_REACH_M, evened_rows
 from linework.kernels.paint.stripes_ahead import cells_ahead
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.methods.obb.kerbs_and_edges import STONES_REACH_M, local_origin_of
@@ -36,8 +37,10 @@ MARKING_CELL_M = 0.5
 CELLS_AHEAD = 2
 #: A box depends on the points within this of its cell only: the largest search area reaches 3.5 m from its middle, which is
 #: in the cell, and the longest window ahead 3.75 m beyond the cell that it asks for and 1.1 m to its sides, 3.9 m. Cells
-#: follow each other across corners, too: 0.71 m each, 5.3 m in all. [m]
-MARKING_REACH_M = 4.5 + CELLS_AHEAD * MARKING_CELL_M
+#: follow each other across corners, too: 0.71 m each, 5.3 m in all; and the brightness of a point on those of its row. [m]
+MARKING_REACH_M = 4.5 + CELLS_AHEAD * MARKING_CELL_M + ROWS_REACH_M
+#: Directions of rows where there are none.
+_NO_ROWS = np.zeros((0, 3))
 #: Share of the points of a road without paint that are 2.5 standard deviations above its level, texture included.
 _CHANCE = 0.02
 #: Smallest t-value of a band in the profile across a search area that is fitted.
@@ -122,10 +125,12 @@ class PaintPoints:
         origin: tuple[float, float, float],
         config: MarkingConfig,
         probability: Float32Array | None = None,
+        scan_rows: FloatArray = _NO_ROWS,
     ) -> PaintPoints:
         """Return the points near the road, sorted into cells.
 
         probability: of paint, (n,) float32, instead of the intensity; it is stored less 0.5, so that paint is above 0.
+        scan_rows: (k, 3), see `linework.model.tile.LaserGains`; intensities are without what rows differ by.
         """
         intensity = np.zeros(len(points), np.float32) if points.intensity is None else points.intensity
         if probability is not None:
@@ -147,6 +152,8 @@ class PaintPoints:
         rows, starts = paint_points.sort_into_cells(
             points.xyz, intensity, time_s, local, cells, n_rows * n_cols
         )
+        if len(scan_rows) and intensity is points.intensity:
+            rows[:, paint_points.POINT_INTENSITY] = evened_rows(rows, starts, lattice, scan_rows)
         return cls(rows, starts, lattice)
 
 
@@ -175,7 +182,7 @@ def find_marking_boxes(
         return BoxSet.empty()
     # Points near the road, in cells
     origin = local_origin_of(tile)
-    paint = PaintPoints.of(tile.points, surface, origin, config, probability)
+    paint = PaintPoints.of(tile.points, surface, origin, config, probability, tile.gains.rows)
     *_, n_cols = paint.lattice
     # Search areas: about the bright points of every cell that has more of them than expected by chance
     if probability is None:
