@@ -143,7 +143,7 @@ def test_a_line_lies_on_a_strip_that_stands_out_without_it(rest: float, band: tu
     profile = np.zeros(30)
     profile[10:20], profile[13:17] = rest, 1.0
     number, total = 10.0 * np.arange(31.0), np.concatenate([[0.0], np.cumsum(10.0 * profile)])
-    found = narrower_band(number, total, 0.01, *edges_of(number, total), (10, 20), 4.0)
+    found = narrower_band(number, total, 0.01, *edges_of(number, total), (10, 20), 1, 4.0)
     assert found[:2] == band
 
 

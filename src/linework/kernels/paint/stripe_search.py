@@ -52,6 +52,8 @@ MOST_STRIPES = 4
 LEAST_FREE = 8.0
 #: Narrowest line of paint (Vienna convention of 1968, protocol on road markings). [m]
 NARROWEST_LINE_M = 0.10
+#: Width over which the spot of a beam from the air blurs the edges of a line. [m]
+BLURRED_M = 0.3
 #: Smallest variance of brightness, so that noiseless points do not divide by zero. [(paint - road)^2]
 LEAST_VARIANCE = 1e-6
 
@@ -269,19 +271,19 @@ def stripes_across(
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = last * size - reach, out[j, BAND_LEFT], t
             out[j, BAND_LEFT], out[j, BAND_T] = first * size - reach, t
             m += 1
-    # Both edges of a line within a band need bins of their own: where points are sparse these are too wide. Along one side
-    # of a band an edge of the line is that of the band
+    # Both edges of a line within a band need bins of their own. Where points are sparse these are too wide, and what is left of
+    # the band on either side must be wider than the edge of a line is blurred. Along one side of a band an edge of the line is
+    # that of the band
     bins, wide = int(NARROWEST_LINE_M / size + 0.5), m
+    beside = 1 if bins >= 2 * N_EDGE else math.ceil(BLURRED_M / size)
     for k in range(2 * wide):
         if m == MOST_STRIPES:
             break
         outer = borders_of(out[k % wide], size, reach)
         if k >= wide:
             first, last, t = band_on_shoulder(number, total, pooled, rises, falls, outer, least_t)
-        elif bins >= 2 * N_EDGE:
-            first, last, t = narrower_band(number, total, pooled, rises, falls, outer, least_t)
         else:
-            continue
+            first, last, t = narrower_band(number, total, pooled, rises, falls, outer, beside, least_t)
         if first >= 0:
             out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = (
                 first * size - reach,
