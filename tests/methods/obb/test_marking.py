@@ -196,8 +196,7 @@ def test_the_stone_of_a_dropped_kerb_is_no_paint(rng: np.random.Generator, side:
         boxes = boxes_in(xyz, intensity)
         boxes = boxes.take(boxes.form == BoxForm.STRIPE)
         tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
-        found, _ = marking_lines.marking_lines(boxes, tracks, everything_seen)
-        unlikely = marking_lines.unlikely_lines(boxes, tracks, everything_seen)
+        found, _, unlikely = marking_lines.marking_lines(boxes, tracks, everything_seen)
         return found, [m.why_unlikely for m in unlikely]
 
     (line,), why = lines_of(xyz)
@@ -209,7 +208,7 @@ def test_the_stone_of_a_dropped_kerb_is_no_paint(rng: np.random.Generator, side:
 
 def test_a_row_of_manholes_is_no_dashed_line() -> None:
     boxes = boxes_on(*[straight(3.0, x=9.0 * k) for k in range(7)])
-    (line,), _ = marking_lines.marking_lines(
+    (line,), *_ = marking_lines.marking_lines(
         boxes, track_lines(boxes, TrackConfig(), width_m=0.06), everything_seen
     )
     assert marking_lines.has_its_dashes(line)

@@ -96,7 +96,7 @@ def test_only_strips_in_the_place_of_the_line_speak_against_it():
     solid = boxes_on(straight(40.0))
     expected = np.array([[0.0, 40.0]])
     tracks = track_lines(solid, TrackConfig(), width_m=0.06)
-    (line,), _ = marking_lines.marking_lines(solid, tracks, everything_seen)
+    (line,), *_ = marking_lines.marking_lines(solid, tracks, everything_seen)
 
     def against(*courses, own_xy=solid.centre[:, :2]):
         strips = strip_along(*courses)
@@ -122,7 +122,7 @@ def test_dashes_in_a_row_that_are_no_line_are_not_bridged():
     # Two arrows of a lane, 20 m apart: shorter paint, each by itself
     boxes = boxes_on(straight(3.0), straight(3.0, x=23.0))
     tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
-    markings, other = marking_lines.marking_lines(boxes, tracks, everything_seen)
+    markings, other, _ = marking_lines.marking_lines(boxes, tracks, everything_seen)
     assert not markings
     assert [round(float(np.ptp(m.paint))) for m in other] == [3, 3]
 

@@ -32,8 +32,8 @@ def rows_of(boxes, seen=everything_seen):
     """The lines, and the rows that are more likely something else, of boxes that are tracked as one line."""
     order = np.argsort(boxes.centre[:, 0], kind="stable")
     one = Tracks(order, np.ones(len(order)), np.array([0, len(order)]))
-    lines, _ = marking_lines.marking_lines(boxes, one, seen)
-    return lines, marking_lines.unlikely_lines(boxes, one, seen)
+    lines, _, unlikely = marking_lines.marking_lines(boxes, one, seen)
+    return lines, unlikely
 
 
 def test_evidence_adds_up():
@@ -103,9 +103,8 @@ def test_dashes_point_at_one_another(radius_m, dash_m, period_m, least, most):
 def test_pieces_between_the_arms_of_a_ring_are_lines_of_their_own():
     boxes, _ = on_ring(17.0, 4.6, 21.0, 4)
     one = Tracks(np.arange(len(boxes)), np.ones(len(boxes)), np.array([0, len(boxes)]))
-    lines, _ = marking_lines.marking_lines(boxes, one, everything_seen)
+    lines, _, unlikely = marking_lines.marking_lines(boxes, one, everything_seen)
     assert [round(float(np.ptp(m.paint)), 1) for m in lines] == pytest.approx([4.5] * 4, abs=0.5)
-    unlikely = marking_lines.unlikely_lines(boxes, one, everything_seen)
     assert [m.why_unlikely for m in unlikely] == [POINT_ELSEWHERE]
 
 

@@ -38,7 +38,7 @@ from linework.model.boxes import BoxForm, BoxSet
 
 def lines_of(boxes, seen=everything_seen):
     tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
-    return marking_lines.marking_lines(boxes, tracks, seen)
+    return marking_lines.marking_lines(boxes, tracks, seen)[:2]
 
 
 def smoothed(boxes):

@@ -8,6 +8,7 @@ from linework.methods.tracking.line_ends import from_longest_gap
 from linework.methods.tracking.marking_lines import marking_lines
 from linework.methods.tracking.mouths import LEAST_MOUTH_M, NO_MOUTHS, Mouths
 from linework.methods.tracking.neighbours import LineAxis
+from linework.methods.tracking.smooth import smooth_line
 from linework.methods.tracking.track import TrackConfig, track_lines
 
 #: Where five mouths begin, their width, and where paint is worn off over 1.5 m. [m]
@@ -50,7 +51,7 @@ def lines_through(boxes, bounds=(), seen=everything_seen):
     """Return lowest and highest x of the lane markings of boxes beside boundaries [m]."""
     tracks = track_lines(boxes, TrackConfig(), width_m=0.06)
     mouths = Mouths(bounds, seen) if bounds else NO_MOUTHS
-    found, _ = marking_lines(boxes, tracks, everything_seen, mouths=mouths)
+    found, *_ = marking_lines(boxes, tracks, everything_seen, mouths=mouths)
     return sorted((float(m.line.xyz[:, 0].min()), float(m.line.xyz[:, 0].max())) for m in found)
 
 
@@ -157,3 +158,25 @@ def test_a_ring_begins_behind_its_longest_gap():
     straight_on = boxes_on(straight(50.0))
     some = straight_on.take(np.abs(straight_on.centre[:, 0] - 20.0) > 5.0)
     np.testing.assert_array_equal(from_longest_gap(some, np.arange(len(some))), np.arange(len(some)))
+
+
+def test_a_short_gap_is_no_end_without_a_reason():
+    # The third of four lines between mouths is worn over 2 m, where nobody can tell a mouth
+    boxes = boxes_on(straight(110.0))
+    line = smooth_line(boxes, np.arange(len(boxes)), (0.0, 0.0))
+    whole = np.column_stack([np.arange(20.0, 100.0, 21.0), np.arange(27.0, 100.0, 21.0)])
+    worn = np.array([*whole[:2], [62.0, 67.0], [69.0, 71.0], whole[3]])
+    mouths = Mouths(kerbs(np.array([5.0, 28.0, 50.0, 72.0, 92.0]), width_m=12.0), everything_seen)
+    assert mouths.log_odds_of_rhythm(line, whole) < 0.0
+    assert mouths.log_odds_of_rhythm(line, worn) < 0.0
+
+
+def test_mouths_in_all_gaps_do_not_explain_each_other():
+    mouths = np.arange(16.0, 140.0, 32.0)
+    boxes = paint((mouths, 16.0))
+    box = np.arange(len(boxes))
+    gaps = np.flatnonzero(np.diff(boxes.along(box)) > LEAST_MOUTH_M)
+    assert len(gaps) == len(mouths)
+    chances = Mouths(kerbs(mouths, width_m=16.0), everything_seen).chances(boxes, box, gaps)
+    # The boundary is open beside half of the line, and beside none of its paint
+    assert chances.max() <= 0.2

@@ -33,6 +33,7 @@ from linework.methods.obb.open_land import weighed_by_width
 from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.against_paint import (
+    NARROW,
     STRIP_BESIDE,
     BrightStrips,
     bare_road,
@@ -196,7 +197,7 @@ def face_the_road(now: Joining) -> Joining:
     # What is painted tells on which side of a kerb the road is
     stripes = now.boxes[BoxForm.STRIPE]
     tracks = track_lines(stripes, now.config, width_m=SAME_PAINT_BOXES_M)
-    lanes, _ = marking_lines.marking_lines(stripes, tracks, now.is_visible)
+    lanes, *_ = marking_lines.marking_lines(stripes, tracks, now.is_visible)
     down = has_road_behind(axes_of_lines(now.boundaries), axes_of_lines(lanes), now.path)
     boundaries = [
         boundary_lines.step_down(b) if yes and b.form == "kerb" else b
@@ -222,42 +223,41 @@ def find_paint(now: Joining) -> Joining:
     pieces = drop_unlikely_pieces(pieces, stripes.score)
     is_bare = bare_road(now.is_visible, BoxSet.concatenate([stripes, blobs, strips.boxes]))
     # Worn pieces are joined along whole lines, along boundaries and along the path
-    whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible, strips)
+    whole, *_ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible, strips)
     # Paint is drawn parallel to paint, edges of pavements are ragged, and vans wander
     guides = [*by_length([*axes_of_lines(now.boundaries), *now.path]), *by_length(axes_of_lines(whole))]
     lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
     blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
     # Lines end at mouths, where the boundaries beside them are open
     mouths = Mouths(axes_of_lines(now.boundaries), now.is_visible)
-    markings, other = marking_lines.marking_lines(stripes, lines, is_bare, strips, mouths)
+    markings, other, unlikely = marking_lines.marking_lines(stripes, lines, is_bare, strips, mouths)
     bars = marking_lines.bar_lines(blobs, track_lines(blobs, config, width_m=SAME_BOUNDARY_M), now.is_visible)
     # Half a lane beside a line, pieces in a row may be arrows: what is bright between them may be letters
     long = [c for c in axes_of_lines(markings) if len(c.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     sides = half_lane_sides(axes_of_lines(markings), [*long, *axes_of_lines(now.boundaries)], HALF_LANE_M)
     markings, symbols, rows = marking_lines.without_symbols(stripes, markings, sides, now.is_visible, strips)
     other = [*other, *bars, *symbols]
-    markings, stone = _without_strips(markings, stripes)
+    rails = [m for m in unlikely if m.why_unlikely == NARROW]
+    markings, stone = _without_strips(markings, stripes, rails)
     now = _aside(now, left_out(stone, "lane_marking", STRIP_BESIDE))
     if now.keeps_candidates:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
-        found, _ = marking_lines.marking_lines(stones, tracks, now.is_visible)
-        unlikely = marking_lines.unlikely_lines(stripes, lines, is_bare, strips, mouths)
+        found, *_ = marking_lines.marking_lines(stones, tracks, now.is_visible)
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
         now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in [*unlikely, *rows]])
     return replace(now, markings=markings, other=other)
 
 
 def _without_strips(
-    markings: Sequence[SmoothMarking], stripes: BoxSet
+    markings: Sequence[SmoothMarking], stripes: BoxSet, rails: Sequence[SmoothMarking]
 ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
-    """Return markings that are paint beside others, as sure as that leaves them, and strips of stone beside paint."""
-    contrast = np.array([median_contrast(stripes, m.boxes) for m in markings])
-    width_m, confidence = (
-        np.array([getattr(m, name) for m in markings]) for name in ("width_m", "confidence")
-    )
-    chances = chances_beside_paint(axes_of_lines(markings), contrast, width_m, confidence).tolist()
-    each = list(zip(markings, chances, strict=True))
+    """Return markings that are paint beside others, as sure as that leaves them, and strips of stone beside paint or rails."""
+    known = [*markings, *rails]
+    contrast = np.array([median_contrast(stripes, m.boxes) for m in known])
+    width_m, confidence = (np.array([getattr(m, name) for m in known]) for name in ("width_m", "confidence"))
+    chances = chances_beside_paint(axes_of_lines(known), contrast, width_m, confidence).tolist()
+    each = list(zip(markings, chances, strict=False))
     paint = [replace(m, confidence=m.confidence * c) for m, c in each if c >= LEAST_PIECE_SCORE]
     return paint, [m for m, c in each if c < LEAST_PIECE_SCORE]
 

@@ -167,7 +167,7 @@ def _lines_near(
     ]
     tracks = tracks.take(np.array(near, dtype=np.bool_))
     if paint:
-        markings, other = marking_lines(boxes, tracks, visible)
+        markings, other, _ = marking_lines(boxes, tracks, visible)
         lines = marking_set([*markings, *other], kind)
     else:
         lines = boundary_set(smooth_boundaries(boxes, tracks, visible))

@@ -131,11 +131,11 @@ class Stereo:
         tracks = drop_unlikely_pieces(
             track_lines(boxes, self.config.track, width_m=SAME_PAINT_PLACES_M, least_boxes=1), boxes.score
         )
-        whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), is_visible)
+        whole, *_ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), is_visible)
         guides = [*(LineAxis.of(m.line.t_m, m.line.xyz) for m in whole), *path]
         tracks = join_along(boxes, tracks, by_length(guides), self.config.track.longest_gap_m)
         tracks = _without_weak(_of_one_width(tracks, 2.0 * boxes.half_v_m), boxes.score).with_boxes(3)
-        markings, _ = marking_lines.marking_lines(boxes, tracks, is_visible)
+        markings, *_ = marking_lines.marking_lines(boxes, tracks, is_visible)
         markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]
         # Edge, lane and centre lines by how they lie to one another
         axes = [LineAxis.of(m.line.t_m, m.line.xyz) for m in markings]

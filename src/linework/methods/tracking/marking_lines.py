@@ -107,8 +107,8 @@ def marking_lines(
     visible: Sight,
     strips: BrightStrips = NO_STRIPS,
     mouths: Mouths = NO_MOUTHS,
-) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
-    """Return the lane markings among tracked stripes, and the other paint.
+) -> tuple[list[SmoothMarking], list[SmoothMarking], list[SmoothMarking]]:
+    """Return the lane markings among tracked stripes, the other paint, and long lines that are more likely no paint.
 
     Parameters
     ----------
@@ -119,8 +119,10 @@ def marking_lines(
     mouths
         Openings of boundaries: evidence that lines end there.
     """
-    lines, other = list[SmoothMarking](), list[SmoothMarking]()
+    lines, other, unlikely = list[SmoothMarking](), list[SmoothMarking](), list[SmoothMarking]()
     for found in _all_markings(boxes, tracks, visible, strips, mouths):
+        if found.why_unlikely and float(np.ptp(found.paint)) >= LEAST_MARKING_M:
+            unlikely.append(found)
         # What is too bare for a line may be shorter paint in a row; stones are told by their step along the whole line
         is_row = found.why_unlikely in (BARE_ROW, *OF_THEIR_OWN)
         is_whole = found.why_unlikely == ON_STEP or (_is_line(found) and not is_row)
@@ -131,7 +133,7 @@ def marking_lines(
             elif not m.why_unlikely:
                 # Between mouths, and around a bend, a line may be short
                 (lines if _is_line(m) or found.why_unlikely in OF_THEIR_OWN else other).append(m)
-    return lines, other
+    return lines, other, unlikely
 
 
 def _is_line(marking: SmoothMarking) -> bool:
@@ -181,18 +183,6 @@ def _without_gaps(
             line = smooth_line(boxes, piece, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
             found.append(_marking(boxes, piece, line, paint, None, visible, strips))
     return found
-
-
-def unlikely_lines(
-    boxes: BoxSet,
-    tracks: Tracks,
-    visible: Sight,
-    strips: BrightStrips = NO_STRIPS,
-    mouths: Mouths = NO_MOUTHS,
-) -> list[SmoothMarking]:
-    """Return the long lines among tracked stripes that are more likely something else than paint."""
-    found = _all_markings(boxes, tracks, visible, strips, mouths)
-    return [m for m in found if m.why_unlikely and float(np.ptp(m.paint)) >= LEAST_MARKING_M]
 
 
 def _all_markings(

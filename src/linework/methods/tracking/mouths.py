@@ -64,7 +64,8 @@ class Mouths:
         """Return how likely a boundary beside each gap of a line would be open if the gap were wear, (g,).
 
         1 where none is open, or none leads away there. Elsewhere the share of the line around the gap beside which that
-        boundary is missing, in pieces of `HOLE_M`, with one more of each kind, as few pieces tell little.
+        boundary is missing, in pieces of `HOLE_M`, with one more of each kind, as few pieces tell little. Other gaps are no
+        part of that line: the mouths of a ring, which has one in each of its gaps, would explain each other.
 
         Parameters
         ----------
@@ -76,9 +77,9 @@ class Mouths:
         chance = np.ones(len(gaps))
         if self._tree is None or len(gaps) == 0:
             return chance
-        t, xy = boxes.along(box), boxes.centre[box, :2]
-        for i, k in enumerate(gaps.tolist()):
-            first, last = t[k] + boxes.half_u_m[box[k]], t[k + 1] - boxes.half_u_m[box[k + 1]]
+        t, xy, reach = boxes.along(box), boxes.centre[box, :2], boxes.half_u_m[box]
+        ends = np.column_stack([t[gaps] + reach[gaps], t[gaps + 1] - reach[gaps + 1]])
+        for i, (first, last) in enumerate(ends.tolist()):
             before = _places(max(t[0], first - AROUND_M), first)
             within, behind = _places(first, last), _places(last, min(t[-1], last + AROUND_M))
             if min(len(before), len(within), len(behind)) >= LEAST_PLACES:
@@ -87,7 +88,8 @@ class Mouths:
                 inside = slice(len(before), len(before) + len(within))
                 # Over the gap the line goes on from one side to the other as it bends
                 place[inside] = _bridged(place, inside)
-                chance[i] = self._chance(place, inside)
+                is_gap = (at > ends[:, :1]) & (at < ends[:, 1:])
+                chance[i] = self._chance(place, inside, ~is_gap.any(axis=0))
         return chance
 
     def log_odds_of_rhythm(self, line: SmoothLine, dashes: FloatArray) -> float:
@@ -114,7 +116,8 @@ class Mouths:
             for k in range(in_gaps, min(mouths, n_gaps) + 1)
         )
         by_chance = math.log(ways) - math.log(math.comb(n_gaps + n_dashes, mouths))
-        return RHYTHM_LOG_ODDS + by_chance - (len(gaps) - in_gaps) * NO_REASON_LOG_ODDS
+        # Short gaps, and those at its ends, where nobody knows whether there is a mouth, may be either
+        return RHYTHM_LOG_ODDS + by_chance - (n_gaps - in_gaps) * NO_REASON_LOG_ODDS
 
     def _count_beside(self, line: SmoothLine, intervals: FloatArray) -> tuple[int, int]:
         """Return how many intervals along a line (k, 2) [m] have a mouth beside them, and how many may have one.
@@ -131,12 +134,19 @@ class Mouths:
             if min(len(before), len(within), len(behind)) >= LEAST_PLACES:
                 at = np.concatenate([before, within, behind])
                 place = np.column_stack([np.interp(at, line.t_m, line.xyz[:, axis]) for axis in range(2)])
-                mouths += self._chance(place, slice(len(before), len(before) + len(within))) < 1.0
+                inside, anywhere = (
+                    slice(len(before), len(before) + len(within)),
+                    np.ones(len(at), dtype=np.bool_),
+                )
+                mouths += self._chance(place, inside, anywhere) < 1.0
                 places += 1
         return mouths, places
 
-    def _chance(self, place: FloatArray, inside: slice) -> float:
-        """Return what `chances` does for one gap, on the side that speaks most; place: (n, 2) [m]."""
+    def _chance(self, place: FloatArray, inside: slice, is_line: BoolArray) -> float:
+        """Return what `chances` does for one gap, on the side that speaks most.
+
+        place: (n, 2) [m]; is_line: (n,) bool, whether it lies in no gap.
+        """
         assert self._tree is not None
         along = np.gradient(place, axis=0)
         along /= np.maximum(np.hypot(*along.T), 1e-9)[:, None]
@@ -177,6 +187,7 @@ class Mouths:
             )
             if len(np.unique(own[turns & in_mouth])) >= LEAST_TURNING:
                 around = np.concatenate([is_bare[: first[-1] + 1], is_bare[last[0] :]])
+                around = around[np.concatenate([is_line[: first[-1] + 1], is_line[last[0] :]])]
                 open_m, seen_m = MOUTH_PLACE_M * np.count_nonzero(around), MOUTH_PLACE_M * len(around)
                 chances.append((open_m / HOLE_M + 1.0) / (seen_m / HOLE_M + 2.0))
         return min(chances)
