@@ -88,8 +88,8 @@ class Mouths:
                 inside = slice(len(before), len(before) + len(within))
                 # Over the gap the line goes on from one side to the other as it bends
                 place[inside] = _bridged(place, inside)
-                is_gap = (at > ends[:, :1]) & (at < ends[:, 1:])
-                chance[i] = self._chance(place, inside, ~is_gap.any(axis=0))
+                is_gap: BoolArray = np.any((at > ends[:, :1]) & (at < ends[:, 1:]), axis=0)
+                chance[i] = self._chance(place, inside, ~is_gap)
         return chance
 
     def log_odds_of_rhythm(self, line: SmoothLine, dashes: FloatArray) -> float:
