@@ -11,8 +11,10 @@ from __future__ import annotations
 #: after the name of their class.
 CALLED_WITH = """
 boundaries.boundary_boxes.boxes_at_stripes = paint boundaries
+    boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C,b1:1C,i8:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) f8:2C
     boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C,b1:1C,i8:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C!) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) f8:2C
 boundaries.boundary_boxes.boxes_in_cells = paint boundaries
+    boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C,b1:1C,i8:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) (f8,f8,f8,f8)
     boundaries.profiles.FloorCells(f8:2C,i8:1C,i8:1C,f8:2C,f8:2C,b1:1C,b1:1C,i8:1C) (f4:2C,f8,i8,i8) (i8:1C,f8:1C!) boundaries.profiles.FloorLimits(f8,f8,f8,f8,f8) (f8,f8,f8,f8)
 boundaries.evenness.unevenness_beside = paint boundaries
     f8:2C i8:1C f8:2C
@@ -168,6 +170,7 @@ paint.paint_points.cells_near_road = paint boundaries
 paint.paint_points.count_bright = paint boundaries
     f8:2C i8:1C i8 f8
 paint.paint_points.sort_into_cells = paint boundaries
+    f8:2C! f4:1C! f8:1C f8:1C i4:1C i8
     f8:2C! f4:1C! f8:1C! f8:1C i4:1C i8
 paint.rhythm.best_rhythm = paint pairs
     b1:1C f8 (f8,f8) (f8,f8,f8) (f8,f8) f8
