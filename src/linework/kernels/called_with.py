@@ -42,6 +42,8 @@ cables.fit.station_runs = cables
     f8:1C f8 f8 f8
 cables.fit.tukey = cables
     f8:1C f8
+cables.mixture.settle_mixture = cables
+    f8:2C f8:3C f8:1C (f8,f8) cables.mixture.MixtureLimits(f8,f8,f8)
 cables.search.best_curve = cables
     (f8:1C,f8:1C,f8:1C) b1:1C (f8:1C,f8:1C) (f8,f8,f8,f8)
 cables.search.crowding = cables

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.kernels.cables.mixture import UNKNOWNS_OF_WIRE, MixtureLimits, settle_mixture
 from linework.methods.cables.band import CableBand, Widths
 from linework.methods.cables.fit import NO_POINTS, FittedWire, fit_members, main_run
 from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_ROW_POINTS_PER_M, LEAST_SEEN_M, is_in_rows
@@ -40,13 +41,9 @@ _AHEAD_SHARE, _AHEAD_M = 0.25, 10.0
 #: Points that tell the wires of a bundle apart: a hundred of each would, and these fit into the cache. The wires
 #: themselves are fitted to all of their points.
 ENOUGH_TO_TELL = 1500
-#: Unknowns of a wire: a parabola in plan and one in height, and its share of the points.
-_UNKNOWNS = 7
 #: Unknowns of a strip: those of a wire, its slope and its width; and the share of its points beyond either edge, that strays
 #: make it no wider.
 _STRIP_UNKNOWNS, _BEYOND_STRIP = 9, 0.01
-#: Rounds of the mixture, and gain of its likelihood at which it has settled. [-, 1]
-_MOST_ROUNDS, _SETTLED = 100, 1e-3
 #: Steps of looking ahead, and the least that one must bring [m].
 _MOST_STEPS, _LEAST_STEP_M = 60, 0.5
 
@@ -223,12 +220,12 @@ def _farther(band: CableBand, middle: FittedWire, is_taken: BoolArray, mixture: 
     on = np.flatnonzero(mixture.squares(about).min(axis=0) <= LEAST_APART_SIGMAS**2)
     first, last = main_run(about.s[on])
     members = about.points[on[first:last]]
-    return fit_members(band, members, middle.widths) if len(members) >= 2 * _UNKNOWNS else middle
+    return fit_members(band, members, middle.widths) if len(members) >= 2 * UNKNOWNS_OF_WIRE else middle
 
 
 def _best_mixture(about: PointsNearby, widths: Widths) -> Mixture | None:
     """Return the mixture with the number of wires that the points show; None: too few points, or none settles."""
-    if len(about.s) < 2 * _UNKNOWNS:
+    if len(about.s) < 2 * UNKNOWNS_OF_WIRE:
         return None
     step = 1 + len(about.s) // ENOUGH_TO_TELL
     some = PointsNearby(about.points[::step], about.s[::step], about.o[::step], about.dz[::step])
@@ -296,7 +293,7 @@ def _likelier(best: Mixture, other: Mixture | None) -> Mixture:
 def _with_one_more(about: PointsNearby, mixture: Mixture, widths: Widths) -> Mixture | None:
     """Return the mixture with one more wire, in the middle of the points that it leaves; None: they are too few."""
     left = np.flatnonzero(mixture.squares(about).min(axis=0) > LEAST_APART_SIGMAS**2)
-    if len(left) < 2 * _UNKNOWNS:
+    if len(left) < 2 * UNKNOWNS_OF_WIRE:
         return None
     rest = PointsNearby(about.points[left], about.s[left], about.o[left], about.dz[left])
     middle = np.zeros((2, 1, 3))
@@ -349,34 +346,16 @@ def _settled(
 
     most_m: largest scatter of the points of a wire [m].
     """
-    reach_m, least = widths.crowd_m, widths.sigma_m
-    _, s, o, dz = about
-    u = (s - start.middle_m) / start.half_m
-    powers = np.stack([np.ones_like(u), u, u * u])
-    across, up, share = start.across.copy(), start.up.copy(), start.share.copy()
-    sigma_o, sigma_z = start.sigma_o_m, start.sigma_z_m
-    total = -np.inf
-    for _ in range(_MOST_ROUNDS):
-        ro, rz = o - across @ powers, dz - up @ powers
-        density = share[:, None] * np.exp(-0.5 * ((ro / sigma_o) ** 2 + (rz / sigma_z) ** 2))
-        density /= 2.0 * math.pi * sigma_o * sigma_z
-        stray = (1.0 - share.sum()) / (2.0 * reach_m) ** 2
-        sums = density.sum(axis=0) + stray
-        weight = density / sums
-        before, total = total, float(np.log(sums).sum())
-        n_of = weight.sum(axis=1)
-        if n_of.min() < _UNKNOWNS:
-            return None
-        for k, w in enumerate(weight):
-            normal = (powers * w) @ powers.T + 1e-9 * np.eye(3)
-            across[k], up[k] = np.linalg.solve(normal, (powers * w) @ np.stack([o, dz], axis=1)).T
-        ro, rz = o - across @ powers, dz - up @ powers
-        sigma_o = min(max(math.sqrt(float((weight * ro**2).sum() / n_of.sum())), least), most_m)
-        sigma_z = min(max(math.sqrt(float((weight * rz**2).sum() / n_of.sum())), least), most_m)
-        share = np.minimum(n_of / len(s), 0.999 * n_of / n_of.sum())
-        if total - before < _SETTLED:
-            break
-    price = 0.5 * _UNKNOWNS * len(share) * math.log(len(s))
+    points = np.stack([(about.s - start.middle_m) / start.half_m, about.o, about.dz], axis=1)
+    curves, share = np.stack([start.across, start.up]), start.share.copy()
+    limits = MixtureLimits(widths.crowd_m, widths.sigma_m, most_m)
+    total, sigma_o, sigma_z = settle_mixture(
+        points, curves, share, (start.sigma_o_m, start.sigma_z_m), limits
+    )
+    if math.isnan(total):
+        return None
+    price = 0.5 * UNKNOWNS_OF_WIRE * len(share) * math.log(len(points))
+    across, up = curves
     return Mixture(across, up, share, sigma_o, sigma_z, start.middle_m, start.half_m, total - price)
 
 
@@ -395,7 +374,7 @@ def _wires_of(band: CableBand, mixture: Mixture, about: PointsNearby, widths: Wi
         own = np.flatnonzero(mine[owner] & is_explained & (away <= gate))
         first, last = main_run(about.s[own])
         members = own[first:last]
-        if len(members) < _UNKNOWNS:
+        if len(members) < UNKNOWNS_OF_WIRE:
             continue
         twisted_m = float(np.where(np.isfinite(distance), distance, 0.0)[np.ix_(mine, mine)].max())
         wire = fit_members(band, about.points[members], Widths(gate + twisted_m / 2.0))
