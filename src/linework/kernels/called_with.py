@@ -199,7 +199,7 @@ radon.peaks.peaks = cables
 radon.outlines.flat_costs = rails
     f8:1C f8:1C f8:1C f8
 radon.outlines.likeliest_view = rails
-    i8:2C f8:1C f4:3C i8:1C f8 i8
+    i8:2C f8:1C f4:3C f4:2C i8:1C f8 i8
 radon.sections.count_outlines = rails
     f8:2C i8:1C i8 i8 f8 f8:2C i8:2C f8 f8 (f8,f8) f8 f8:2C
 radon.sections.fit_lines_locally = rails

@@ -15,7 +15,7 @@ from math import erf
 
 import numpy as np
 
-from linework.arrays import AnyArray, Float32Array, FloatArray
+from linework.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from linework.kernels.radon import outlines as kernels
 from linework.kernels.radon.bands import fold_of_rows
 from linework.methods.rails import fitted
@@ -156,22 +156,43 @@ def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray, on_m: float) 
     """
     rows, columns = np.nonzero(counts)
     number = counts[rows, columns]
+    fullest = np.argsort(-number)
+    rows, columns, number = rows[fullest], columns[fullest], number[fullest]
     cells = np.column_stack([rows, np.rint(u[columns] / _PLACE_STEP_M).astype(np.int64)])
     at = np.column_stack([u[columns], height[rows]])
     fits: list[OutlineFit] = []
+    likely = _NOISES_M[len(_NOISES_M) // 2]
     for outline in ("flat", "pipe", "box"):
-        best, place = np.inf, 0
+        at_middle = partial(_likeliest, outline, len(counts), fits[0].axis_m if fits else None, cells, number)
+        # The noise of the outline before is about right: most of the others are left out when it has been tried
+        most = float(np.nextafter(at_middle(likely, np.inf, 0)[0], np.inf))
+        best, place = most, 0
         for tried in _NOISES_M:
-            offset = 0.0 if outline == "flat" else _face_m(outline, half_height_m(len(counts), tried[1]))
-            places = _places(offset, fits[0].axis_m if fits else None)
-            views = views_of(outline, len(counts), tried)
-            best, place = kernels.likeliest_view(cells, number, views, places, best, place)
+            before = best
+            best, place = at_middle(tried, best, place)
+            likely = tried if best < before else likely
         axis = place * _PLACE_STEP_M
         away = _distance_m(outline, at - np.array([axis, 0.0]), 0.5 * len(counts) * SECTION_CELL_M)
         on = number[away <= on_m].sum() / number.sum()
         thick = float(np.log(number.sum())) if outline != "flat" else 0.0
         fits.append(OutlineFit(outline, axis, float(on), best + thick))
     return tuple(fits)
+
+
+def _likeliest(
+    outline: str, n_rows: int, middle_m: float | None, cells: IntArray, number: FloatArray,
+    noise_m: tuple[float, float], most: float, at: int,
+) -> tuple[float, int]:  # fmt: skip
+    """Return how unlikely points are with a noise, and the place; `most` and `at` where they are no likelier.
+
+    See `linework.kernels.radon.outlines.likeliest_view` and `_places`.
+    """
+    offset = 0.0 if outline == "flat" else _face_m(outline, half_height_m(n_rows, noise_m[1]))
+    views, largest = views_of(outline, n_rows, noise_m), _largest_of(outline, n_rows, noise_m)
+    likeliest: tuple[float, int] = kernels.likeliest_view(
+        cells, number, views, largest, _places(offset, middle_m), most, at
+    )
+    return likeliest
 
 
 def half_height_m(n_rows: int, noise_m: float) -> float:
@@ -215,6 +236,12 @@ def views_of(outline: str, n_rows: int, noise_m: tuple[float, float]) -> Float32
     both = _log_shares(np.stack([0.5 * (seen + seen[:, ::-1]) for seen in right]))
     views: Float32Array = np.stack([one, one[:, :, ::-1], both], axis=1).reshape(-1, *one.shape[1:])
     return views
+
+
+@lru_cache(maxsize=_KEPT_VIEWS)
+def _largest_of(outline: str, n_rows: int, noise_m: tuple[float, float]) -> Float32Array:
+    """Return the largest value (v, rows) float32 of each row of the views with these arguments."""
+    return np.asarray(views_of(outline, n_rows, noise_m).max(axis=2))
 
 
 def _log_shares(density: FloatArray) -> Float32Array:
