@@ -54,6 +54,20 @@ def test_dense_tiles_are_divided_as_far_as_that_helps():
     assert len({t.tile_id for t in tiles}) == len(tiles)
 
 
+def test_tiles_whose_parts_would_have_nearly_all_of_their_points_are_not_divided():
+    def count_in(bounds):  # 4 million points within 20 m, wherever cores meet; two blocks away nearly none
+        return 4_000_000 if bounds.west < 74.0 and bounds.east > 54.0 else 1
+
+    (tile,) = plan(Bounds(-30.0, -30.0, 94.0, 48.0), count_in)  # its buffers reach over all of it
+    assert tile.core == Bounds(-30.0, -30.0, 95.0, 49.0)
+    tiles = plan(Bounds(-30.0, -30.0, 700.0, 48.0), count_in)
+    assert {tile.core.width_m for tile in tiles} == {512.0}
+    halves = plan(
+        Bounds(-30.0, -30.0, 94.0, 48.0), lambda bounds: int(1e5 * (bounds.east - bounds.west)), 8.0
+    )
+    assert {tile.core.width_m for tile in halves} == {64.0}
+
+
 @given(
     west=st.floats(-1e6, 1e6), south=st.floats(-1e6, 1e6), width=st.floats(1.0, 4000.0), height=st.floats(1.0, 4000.0),
     core_m=st.sampled_from([100.0, 512.0, 777.7]), shift=st.floats(-1e4, 1e4), seed=st.integers(0, 99),

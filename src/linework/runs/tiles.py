@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from linework.arrays import IntArray
@@ -14,6 +14,9 @@ from linework.runs.settings import TilingConfig
 #: Greatest extent of a survey that may be one tile: its raster image at the default cell of 0.2 m has 36 million
 #: cells, of the 50 million that `linework.imaging` allows. [m]
 MAX_SINGLE_M = 1200.0
+#: A tile is divided where the largest of its parts, buffers included, has at most this share of its points: otherwise
+#: dividing spares no memory, and looks at the same points again and again.
+_MOST_OF_DIVIDED = 0.75
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +68,9 @@ def plan_tiles(
 
     Notes
     -----
-    A tile, buffer included, has at most `max_points`, unless its core is as small as `least_core_m`. A survey that
-    fits into one tile is one tile.
+    A tile, buffer included, has at most `max_points`, unless its core is as small as `least_core_m`, or dividing it would
+    not lessen them by a quarter. A survey that fits into one tile is one tile; so is one no larger than a core that gains as
+    little by more.
     """
     if not all(map(math.isfinite, extent)) or extent.west > extent.east or extent.south > extent.north:
         raise ValueError(f"extent {tuple(extent)}: expected finite numbers, west <= east, south <= north")
@@ -85,6 +89,9 @@ def plan_tiles(
         for core in _cores(blocks, block_m, core_m, config)
         for part in _divided(core, count_in, buffer_m, most, config)
     ]
+    is_one_core = max(whole.width_m, whole.height_m) <= core_m
+    if is_one_core and not _is_worth_dividing(count_in(whole), [t.core for t in tiles], count_in, buffer_m):
+        return (_tile(whole, buffer_m),)
     return tuple(sorted(tiles, key=lambda tile: (tile.core.south, tile.core.west)))
 
 
@@ -110,17 +117,27 @@ def _cores(blocks: IntArray, block_m: float, core_m: float, config: TilingConfig
 def _divided(
     core: Bounds, count_in: Callable[[Bounds], int], buffer_m: float, most: int, config: TilingConfig
 ) -> list[Bounds]:
-    """Return the core, its quarters if the tile has too many points, or nothing if the core has none."""
+    """Return the core, its quarters if the tile has too many points and these have fewer, or nothing if the core has none."""
     if count_in(core) == 0:
         return []
-    if count_in(core.grown(buffer_m)) <= most or core.width_m / 2 < config.least_core_m:
+    n_points = count_in(core.grown(buffer_m))
+    if n_points <= most or core.width_m / 2 < config.least_core_m:
         return [core]
     east, north = (core.west + core.east) / 2, (core.south + core.north) / 2
     quarters = (
         Bounds(core.west, core.south, east, north), Bounds(east, core.south, core.east, north),
         Bounds(core.west, north, east, core.north), Bounds(east, north, core.east, core.north),
     )  # fmt: skip
-    return [part for quarter in quarters for part in _divided(quarter, count_in, buffer_m, most, config)]
+    parts = [part for quarter in quarters for part in _divided(quarter, count_in, buffer_m, most, config)]
+    return parts if _is_worth_dividing(n_points, parts, count_in, buffer_m) else [core]
+
+
+def _is_worth_dividing(
+    n_points: int, parts: Sequence[Bounds], count_in: Callable[[Bounds], int], buffer_m: float
+) -> bool:
+    """Return whether the largest part, its buffer included, has far fewer points than `n_points`."""
+    largest = max((count_in(part.grown(buffer_m)) for part in parts), default=0)
+    return largest <= _MOST_OF_DIVIDED * n_points
 
 
 def _tile(core: Bounds, buffer_m: float) -> Tile:
