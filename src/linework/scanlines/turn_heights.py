@@ -133,10 +133,10 @@ def turn_planes(cells: TurnCells) -> TurnPlanes | None:
     apart = scale = _spread(_less_mean(z, at, weight))
     for _ in range(_N_ROUNDS):
         total = in_cell.T @ weight
-        weighted = sparse.diags(weight)
-        to_cells = A.T @ weighted @ in_cell
+        weighted = A.T @ sparse.diags(weight)
+        to_cells = weighted @ in_cell
         mean_of = to_cells @ sparse.diags(1.0 / total)
-        normal = A.T @ weighted @ A - mean_of @ to_cells.T
+        normal = weighted @ A - mean_of @ to_cells.T
         normal = normal + (scale / _RECORDED_SIGMA_M) ** 2 * (mean_of @ mean_of.T)
         normal = normal + scale**2 * _prior(n_turns)
         found = splu(normal.tocsc()).solve(A.T @ (weight * z) - mean_of @ (in_cell.T @ (weight * z)))

@@ -213,15 +213,16 @@ def _turn_length_s(pieces: list[Points]) -> float:
 
 def _cells_of(points: Points, origin: FloatArray, length_s: float, share: float) -> TurnCells:
     """Return the mean heights of the turns in the cells of an area, in a share of its patches."""
-    xyz, time = points.xyz - [*origin, 0.0], points.time_s
+    time = points.time_s
     assert time is not None
     place = _places(points.xyz, origin)
     patch = _joint(place // _PATCH_CELLS)
     kept = np.flatnonzero(_is_drawn(patch, share))
-    kept = kept[_is_low(xyz[kept, 2], patch[kept])]
+    kept = kept[_is_low(points.xyz[kept, 2], patch[kept])]
+    xyz = points.xyz[kept] - [*origin, 0.0]
     cell, turn = _joint(place[kept]), np.floor(time[kept] / length_s).astype(np.int64)
     order = np.lexsort((turn, cell))
-    xyz, cell, turn = xyz[kept][order], cell[order], turn[order]
+    xyz, cell, turn = xyz[order], cell[order], turn[order]
     start = (
         np.flatnonzero(np.r_[True, (np.diff(cell) != 0) | (np.diff(turn) != 0)])
         if len(cell)
@@ -235,11 +236,14 @@ def _cells_of(points: Points, origin: FloatArray, length_s: float, share: float)
 
 def _is_low(z: FloatArray, patch: IntArray) -> AnyArray:
     """Return which heights are no more than a kerb above the lowest tenth of their patch."""
-    order = np.lexsort((z, patch))
+    order = np.argsort(patch)
     start = np.flatnonzero(np.r_[True, np.diff(patch[order]) != 0]) if len(z) else np.zeros(0, int)
     n = np.diff(np.r_[start, len(z)])
+    of_patches = np.split(z[order], start[1:]) if len(z) else []
+    # Only one height of a patch is asked for: its order is not
+    lowest = np.array([np.partition(of, len(of) // 10)[len(of) // 10] for of in of_patches])
     low: FloatArray = np.empty(len(z))
-    low[order] = np.repeat(z[order][start + n // 10], n)
+    low[order] = np.repeat(lowest, n)
     return np.asarray(np.abs(z - low) <= _ABOVE_GROUND_M)
 
 
