@@ -24,7 +24,10 @@ def tram_road(seed: int, strip_m: float, *, has_rails: bool) -> linework.Points:
             bright[np.abs(y - rail) < 0.5 * HEAD_M] = 3.0
     xyz = np.column_stack([x, y, rng.normal(0.0, 0.004, n)]) + ORIGIN
     return linework.Points(
-        xyz, intensity=np.round(2000.0 * bright * rng.lognormal(0.0, 0.1, n)), time_s=x / 10.0, crs="EPSG:25832"
+        xyz,
+        intensity=np.round(2000.0 * bright * rng.lognormal(0.0, 0.1, n)),
+        time_s=x / 10.0,
+        crs="EPSG:25832",
     )
 
 
