@@ -33,8 +33,8 @@ class LaserGains:
     gain
         (b,) float64: by the number of the laser; 1 for the mean over all points.
     rows
-        (k, 3) float64: directions of scan lines that are farther apart than a line of paint is wide, as unit vectors in
-        plan, and how far they are apart [m]. Where strips overlap, each may see things with a gain of its own
+        (k, 3) float64: directions of the scan lines of sparse points, which are as far apart as a line of paint is wide and
+        more, as unit vectors in plan, and how far the lines are apart [m]. Where strips overlap, each may see things with a gain of its own
         (`linework.kernels.paint.scan_rows`).
     """
 

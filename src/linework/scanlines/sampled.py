@@ -144,7 +144,7 @@ def _gains_of_pieces(pieces: Sequence[Points]) -> LaserGains:
     known = [piece for piece in pieces if len(piece)]
     name = laser_column(known[0]) if known else ""
     if not name or any(piece.intensity is None or name not in piece.columns for piece in known):
-        return LaserGains(rows=rows_of_pieces(known))
+        return LaserGains(rows=_rows_of_pieces(known))
     laser = np.concatenate([piece.columns[name] for piece in known])
     intensity = np.concatenate([piece.intensity for piece in known if piece.intensity is not None])
     has = np.flatnonzero(laser >= 0)  # NaN: of a file without lasers
@@ -152,37 +152,42 @@ def _gains_of_pieces(pieces: Sequence[Points]) -> LaserGains:
     numbers, gains, sigmas = laser_gains(Points(xyz[has], intensity=intensity[has]), laser[has])
     of_number = np.ones(int(numbers.max(initial=-1)) + 1)
     of_number[numbers] = np.where(np.isfinite(sigmas), gains, 1.0)
-    return LaserGains(name, of_number)
+    return LaserGains(name, of_number, _rows_of_pieces(known))
 
 
-def rows_of_pieces(pieces: Sequence[Points]) -> FloatArray:
-    """Return the directions of scan lines that are farther apart than `ROWS_APART_M`, (k, 3): see `LaserGains.rows`.
+def _rows_of_pieces(pieces: Sequence[Points]) -> FloatArray:
+    """Return the directions of scan lines of sparse points, (k, 3): see `LaserGains.rows`.
 
-    Strips that are flown to and fro share one direction; the directions that most points have come first.
+    Whether the points are sparse is told by the first piece, as `sampled_gains` does. Strips that are flown to and fro share
+    one direction; the directions that most points have come first.
     """
-    found = []
+    rows = list[tuple[int, FloatArray]]()
+    if pieces and mean_spacing_m(pieces[0].xyz) >= ROWS_APART_M:
+        patterns, counts = _patterns_of(pieces)
+        while len(patterns):
+            best = patterns[np.argmax(counts)]
+            alike = np.abs(patterns[:, 0] * best[1] - patterns[:, 1] * best[0]) <= _SAME_ROWS
+            # Of either sign: turned as the best, then the mean over all points
+            sign = np.where(patterns[alike, :2] @ best[:2] < 0.0, -1.0, 1.0)
+            same = patterns[alike] * np.column_stack([sign, sign, np.ones(len(sign))])
+            x, y, apart_m = np.average(same, axis=0, weights=counts[alike])
+            rows.append(
+                (int(counts[alike].sum()), np.array([x, y, apart_m]) / [*[math.hypot(x, y)] * 2, 1.0])
+            )
+            patterns, counts = patterns[~alike], counts[~alike]
+    least = _ROWS_SHARE * sum(map(len, pieces))
+    found = sorted((row for row in rows if row[0] >= least), key=lambda row: -row[0])[:_MOST_ROWS]
+    return np.array([row for _, row in found]).reshape(-1, 3)
+
+
+def _patterns_of(pieces: Sequence[Points]) -> tuple[FloatArray, IntArray]:
+    """Return the patterns of the blocks of pieces, (m, 3): direction and spacing across; and how many points have each, (m,)."""
+    found: list[FloatArray] = [np.zeros((0, 3))]
     for piece in pieces:
-        spacing_m = mean_spacing_m(piece.xyz)
-        if spacing_m >= ROWS_APART_M:
-            direction, _, across_m = spacing_pattern(piece.xyz, spacing_m)
-            found.append(np.column_stack([direction, across_m])[np.isfinite(direction[:, 0])])
-    if not found or not sum(map(len, found)):
-        return np.zeros((0, 3))
-    patterns, counts = np.unique(np.concatenate(found).astype(np.float64), axis=0, return_counts=True)
-    rows = np.zeros((0, 3))
-    while counts.sum() >= _ROWS_SHARE * sum(map(len, pieces)) and len(rows) < _MOST_ROWS:
-        best = patterns[np.argmax(counts)]
-        alike = np.abs(patterns[:, 0] * best[1] - patterns[:, 1] * best[0]) <= _SAME_ROWS
-        # Of either sign: turned as the best, then the mean over all points
-        same = patterns[alike] * np.where(patterns[alike, :2] @ best[:2] < 0.0, -1.0, 1.0)[:, None]
-        x, y, apart_m = np.average(
-            np.column_stack([same[:, :2], np.abs(same[:, 2])]), axis=0, weights=counts[alike]
-        )
-        if counts[alike].sum() >= _ROWS_SHARE * sum(map(len, pieces)):
-            length = math.hypot(x, y)
-            rows = np.vstack([rows, [x / length, y / length, apart_m]])
-        patterns, counts = patterns[~alike], counts[~alike]
-    return rows
+        direction, _, across_m = spacing_pattern(piece.xyz, mean_spacing_m(piece.xyz))
+        rows = np.column_stack([direction, across_m]).astype(np.float64)
+        found.append(rows[np.isfinite(direction[:, 0])])
+    return np.unique(np.concatenate(found), axis=0, return_counts=True)
 
 
 def _without_devices(points: Points) -> Points:

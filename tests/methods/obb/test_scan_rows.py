@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import linework
 from linework.kernels.paint.paint_points import POINT_INTENSITY, sort_into_cells
 from linework.kernels.paint.scan_rows import ROWS_REACH_M, evened_rows
-from linework.model.tile import LaserGains
+from linework.methods.obb.kerbs_and_edges import BOUNDARY_REACH_M, STONES_REACH_M
+from linework.methods.obb.marking import MARKING_CELL_M, MARKING_REACH_M
+from linework.methods.obb.method import BOX_REACH_M, Obb
+from linework.methods.protocol import tile_of, whole_tile
+from linework.model.grid import holds
+from linework.model.tile import LaserGains, local_origin
 from linework.scanlines import sampled
-from linework.scanlines.sampled import gains_of_points
+from linework.scanlines.sampled import gains_of_points, timing_of_points
 
 ORIGIN = np.array([500_000.0, 5_600_000.0, 100.0])
 #: Scan lines run at this angle to the road; lines and points along them are this far apart. [rad, m]
@@ -64,10 +71,28 @@ def test_the_direction_of_scan_lines_is_found_in_any_order():
     assert gains_of_points(turned).rows.tobytes() == rows.tobytes()
 
 
-def test_dense_points_have_no_rows():
+def test_dense_points_have_no_rows(monkeypatch):
+    # Lines 5 cm apart, of two strips
     rng = np.random.default_rng(72)
-    xyz = np.column_stack([rng.uniform(0.0, 20.0, (40_000, 2)), np.zeros(40_000)])
-    assert len(gains_of_points(linework.Points(xyz)).rows) == 0
+    xy = np.concatenate([strip(rng, APART_M / 6.0)[::2], strip(rng, APART_M / 6.0)[1::2]])
+    xy = xy[(xy[:, 0] < 40.0)]
+    points = linework.Points(np.column_stack([xy, np.zeros(len(xy))]) + ORIGIN)
+    assert len(gains_of_points(points).rows) == 0
+    monkeypatch.setattr(sampled, "ROWS_APART_M", 0.0)
+    assert len(gains_of_points(points).rows) == 1
+
+
+def test_rows_are_the_same_for_points_and_for_files():
+    # The first piece is dense, the others are not
+    rng = np.random.default_rng(77)
+    dense = np.column_stack([rng.uniform(0.0, 20.0, (100_000, 2)), np.zeros(100_000)]) + ORIGIN
+    road = dashed_road(77).xyz
+    far = [road + np.array([128.0 * k, 0.0, 0.0]) for k in range(1, 16)]
+    for parts in ([dense - np.array([992.0, 0.0, 0.0]), *far], far):
+        points = linework.Points(np.concatenate(parts), intensity=np.ones(sum(map(len, parts))))
+        rows = gains_of_points(points).rows
+        assert rows.tobytes() == timing_of_points(points).gains.rows.tobytes()
+    assert len(rows) == 1
 
 
 def test_dashes_are_found_and_no_line_along_the_scan_lines(monkeypatch):
@@ -78,7 +103,7 @@ def test_dashes_are_found_and_no_line_along_the_scan_lines(monkeypatch):
     assert np.abs(lines.xyz[:, 1] - ORIGIN[1]).max() <= 0.1
     assert np.ptp(lines.xyz[:, 0]) >= LENGTH_M - 16.0
     # Without the rows it is different: the test is of them
-    monkeypatch.setattr(sampled, "rows_of_pieces", lambda _: LaserGains().rows)
+    monkeypatch.setattr(sampled, "_rows_of_pieces", lambda _: LaserGains().rows)
     before = linework.extract(points, kinds=("lane_marking",), adjust=False)
     assert max(along_of(before)) > 20.0
 
@@ -106,6 +131,38 @@ def test_a_point_depends_on_what_is_near():
     inner = [place for place in part if 20.0 + ROWS_REACH_M <= place[0] < 60.0 - ROWS_REACH_M]
     assert len(inner) > 5_000
     assert all(whole[place] == part[place] for place in inner)
+
+
+def test_boxes_are_the_same_in_every_tile():
+    points = dashed_road(78)
+    whole = whole_tile(tile_of(points))
+    method = Obb(kinds=("lane_marking", "road_boundary"))
+    whole = replace(whole, origin=local_origin(*points.xyz.min(axis=0)))
+    found = method.find_boxes(whole)
+    x = whole.points.xyz[:, 0]
+    for start_m in (20.0, 33.3, 47.9):
+        core = whole.core._replace(west=ORIGIN[0] + start_m, east=ORIGIN[0] + start_m + 13.0)
+        held = (x >= core.west - BOX_REACH_M) & (x < core.east + BOX_REACH_M)
+        part = method.find_boxes(replace(whole, core=core, points=whole.points.take(held), is_whole=False))
+        own, others = (b.take(holds(core, b.centre + np.asarray(whole.origin))) for b in (part, found))
+        assert len(own) > 5
+        assert own.centre.tobytes() == others.centre.tobytes()
+        assert own.score.tobytes() == others.score.tobytes()
+
+
+def test_a_box_reaches_no_farther_than_its_parts():
+    across_cells = np.sqrt(2.0) * MARKING_CELL_M
+    assert STONES_REACH_M + across_cells + MARKING_REACH_M <= BOX_REACH_M
+    assert BOUNDARY_REACH_M <= BOX_REACH_M
+
+
+def test_saturated_points_stay_alike():
+    points = dashed_road(79)
+    full = np.minimum(points.intensity, 30_500.0)
+    cut = linework.Points(points.xyz, intensity=full, crs=points.crs)
+    before, after = np.array(list(evened(cut, gains_of_points(cut).rows).values())).T
+    assert np.all(after[before == 30_500.0] == 30_500.0)
+    assert np.count_nonzero(before == 30_500.0) > 100
 
 
 def noise(values: np.ndarray) -> float:

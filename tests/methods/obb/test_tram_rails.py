@@ -41,8 +41,9 @@ def test_a_strip_beside_a_rail_is_stone(seed):
     beside = markings(tram_road(seed, strip_m, has_rails=True), candidates=True)
     assert "lane_marking" not in beside.kind.tolist()
     assert any(reason.startswith("strip of stone") for reason in beside.reason.tolist())
-    # Alone it may be paint, and so may one that is farther from the rails than lines are drawn together
+    # Alone it may be paint, and so may one that is farther from the rails than their bed is wide
     alone = markings(tram_road(seed, strip_m, has_rails=False))
     assert alone.kind.tolist() == ["lane_marking"]
-    far = markings(tram_road(seed, RAILS_M[1] + 2.2, has_rails=True))
-    assert far.kind.tolist() == ["lane_marking"]
+    for far_m in (0.7, 2.2):
+        far = markings(tram_road(seed, RAILS_M[1] + far_m, has_rails=True))
+        assert far.kind.tolist() == ["lane_marking"]

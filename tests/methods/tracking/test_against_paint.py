@@ -186,13 +186,14 @@ def test_few_stretches_that_agree_by_chance_are_no_stone():
     assert one_plane(rise) > 0.8
 
 
-def beside(offset_m, contrast, width_m, *, length_m=60.0, pieces=1, confidence=1.0):
+def beside(offset_m, contrast, width_m, *, length_m=60.0, pieces=1, confidence=1.0, is_rail=False):
     """Chance of a line of paint beside one of 60 m, 2.0 brighter than the road and 0.1 m wide, in one piece or several."""
     ends = np.linspace(0.0, 60.0, pieces + 1)
     first = [LineAxis.of(np.array([a, b]), np.array([[a, 0.0], [b, 0.0]])) for a, b in pairwise(ends)]
     own = LineAxis.of(np.array([0.0, length_m]), np.array([[0.0, offset_m], [length_m, offset_m]]))
     columns = ([*[2.0] * pieces, contrast], [*[0.1] * pieces, width_m], [*[confidence] * pieces, 1.0])
-    *paint, chance = chances_beside_paint([*first, own], *(np.array(c) for c in columns)).tolist()
+    rails = np.array([*[is_rail] * pieces, False])
+    *paint, chance = chances_beside_paint([*first, own], *(np.array(c) for c in columns), rails).tolist()
     assert paint == [1.0] * pieces, "the brighter one is paint whatever is beside it"
     return chance
 
@@ -227,3 +228,9 @@ def test_a_gutter_beside_an_edge_line_is_a_candidate():
     refused = lines.take((lines.kind == CANDIDATE) & (lines.reason == STRIP_BESIDE))
     assert len(refused) == 1 and refused.confidence[0] > 0.9
     assert len(joined(edge, stripe(0.6, 3.0, 0.24))["lane_marking"]) == 2
+
+
+def test_a_rail_tells_what_lies_on_its_bed_alone():
+    assert beside(0.3, 0.4, 0.25, is_rail=True) < 0.5
+    assert beside(0.6, 0.4, 0.25, is_rail=True) == 1.0
+    assert beside(0.6, 0.4, 0.25) < 0.5

@@ -169,6 +169,9 @@ def test_a_short_gap_is_no_end_without_a_reason():
     mouths = Mouths(kerbs(np.array([5.0, 28.0, 50.0, 72.0, 92.0]), width_m=12.0), everything_seen)
     assert mouths.log_odds_of_rhythm(line, whole) < 0.0
     assert mouths.log_odds_of_rhythm(line, worn) < 0.0
+    # Nor does a gap count beside which no boundary is known
+    few = Mouths(kerbs(np.array([5.0, 28.0, 50.0, 72.0, 92.0]), width_m=12.0)[:3], everything_seen)
+    assert few.log_odds_of_rhythm(line, whole) < 3.0
 
 
 def test_mouths_in_all_gaps_do_not_explain_each_other():

@@ -23,9 +23,12 @@ HALF_ROW_M, BESIDE_FROM_M = 0.02, 0.03
 #: Rows count as beside a row as far as this share of the spacing of scan lines: the next ones of its own strip, and those
 #: of others between them.
 BESIDE_SHARE = 1.15
-#: Points of a row this far along it are compared with [m], in a window that reaches this far across, about a cell whose
-#: points lie this far from its middle; a point depends on those within the last of these.
+#: Points of a row this far along it are compared with [m], in a window that reaches this far across, about a cell of 0.5 m
+#: whose points lie this far from its middle; a point depends on those within the last of these.
 ROW_ALONG_M, ROW_ACROSS_M, IN_CELL_M, ROWS_REACH_M = 1.5, 1.0, 0.36, 2.5
+#: A window with this many points is left as it is: they are nearer to each other than 0.1 m, so that each line of paint has
+#: several rows.
+MOST_IN_WINDOW = 1400
 #: Fewest points of a window, of a row and beside it, fewest rows whose scatter tells what rows differ by, and fewest
 #: degrees of freedom of the noise.
 LEAST_WINDOW, FEWEST_IN_ROW, FEWEST_ROWS, FREE_IN_ROWS = 40, 2, 10, 20.0
@@ -63,8 +66,7 @@ def evened_rows(
     cell, south, west, n_rows, n_cols = lattice
     out = points[:, POINT_INTENSITY].copy()
     reach = math.ceil((ROWS_REACH_M - 0.5 * cell) / cell)
-    window = np.empty((most_in_window(starts, n_rows, n_cols, reach), 3))
-    part = np.empty(len(window))
+    window, part = np.empty((MOST_IN_WINDOW, 3)), np.empty(MOST_IN_WINDOW)
     for row in range(n_rows):
         for col in range(n_cols):
             at = row * n_cols + col
@@ -72,7 +74,9 @@ def evened_rows(
                 continue
             middle = ((col + west + 0.5) * cell, (row + south + 0.5) * cell)
             n = gather_window(points, starts, n_cols, (row, col, reach), middle, window)
-            level, spread = clip_window(window, n, part) if n >= LEAST_WINDOW else (0.0, 0.0)
+            if n < LEAST_WINDOW or n == MOST_IN_WINDOW:
+                continue
+            level, spread, highest = clip_window(window, n, part)
             if spread == 0.0:
                 continue
             best, variance, within = 0, 0.0, 0.0
@@ -84,28 +88,15 @@ def evened_rows(
                 continue
             most = MOST_EVENED * math.sqrt(variance)
             for i in range(starts[at], starts[at + 1]):
-                if abs(points[i, POINT_INTENSITY] - level) > CLIP_SPREADS * spread:
+                intensity = points[i, POINT_INTENSITY]
+                # Paint and what is dark; and the end of the scanner's scale, at which many points are alike
+                if abs(intensity - level) > CLIP_SPREADS * spread or intensity >= highest:
                     continue
                 x, y = points[i, POINT_X] - middle[0], points[i, POINT_Y] - middle[1]
                 excess, share = excess_of_row(window, n, directions[best], x, y)
                 shrunk = excess * variance / (variance + within * share) if share > 0.0 else 0.0
                 out[i] -= min(max(shrunk, -most), most)
     return out
-
-
-@njit(cache=True, nogil=True)
-def most_in_window(starts: IntArray, n_rows: int, n_cols: int, reach: int) -> int:
-    """Return the most points of a window of 2 `reach` + 1 cells each way; `starts` (n_cells + 1,)."""
-    most = 0
-    for row in range(n_rows):
-        for col in range(n_cols):
-            if starts[row * n_cols + col + 1] == starts[row * n_cols + col]:
-                continue
-            n, first, last = 0, max(col - reach, 0), min(col + reach, n_cols - 1)
-            for r in range(max(row - reach, 0), min(row + reach + 1, n_rows)):
-                n += starts[r * n_cols + last + 1] - starts[r * n_cols + first]
-            most = max(most, n)
-    return most
 
 
 @njit(cache=True, nogil=True)
@@ -128,23 +119,26 @@ def gather_window(
     for r in range(max(row - reach, 0), min(row + reach + 1, n_rows)):
         for i in range(starts[r * n_cols + first], starts[r * n_cols + last + 1]):
             x, y = points[i, POINT_X] - middle[0], points[i, POINT_Y] - middle[1]
-            if x * x + y * y <= radius * radius:
+            if x * x + y * y <= radius * radius and n < len(out):
                 out[n, 0], out[n, 1], out[n, 2] = x, y, points[i, POINT_INTENSITY]
                 n += 1
     return n
 
 
 @njit(cache=True, nogil=True)
-def clip_window(window: FloatArray, n: int, part: FloatArray) -> tuple[float, float]:
-    """Clip the intensities of a window (n, 3) about their median; return that and their spread; `part` (n,) is overwritten."""
+def clip_window(window: FloatArray, n: int, part: FloatArray) -> tuple[float, float, float]:
+    """Clip the intensities of a window (n, 3) about their median; return that, their spread and the highest of them.
+
+    part: (n or more,) scratch.
+    """
     part[:n] = window[:n, 2]
-    middle = smallest(part, n // 2, n)
+    highest, middle = part[:n].max(), smallest(part, n // 2, n)
     for i in range(n):
         part[i] = abs(window[i, 2] - middle)
     spread = SPREAD * smallest(part, n // 2, n)
     for i in range(n):
         window[i, 2] = min(max(window[i, 2] - middle, -CLIP_SPREADS * spread), CLIP_SPREADS * spread)
-    return middle, spread
+    return middle, spread, highest
 
 
 @njit(cache=True, nogil=True)

@@ -18,7 +18,7 @@ N_SIDE = 4
 #: Fewest points inside and on each side of a stripe.
 BAND_POINTS = 3.0
 #: Added to the diagonal of the equations of a parabola, in points, so that too few of them leave it unsure, not undefined.
-RIDGE = 1e-6
+RIDGE = 1e-3
 #: Fewest bins of a shoulder: 0.2 m in a search area of 0.5 m, 0.4 m in one of 1 m, where the spot of a beam from the air blurs
 #: edges over 0.2 to 0.3 m. Of 4 and 8, 8 lost less (als-roads-t0717-junction and -t1664, 2026-11-30).
 LEAST_SHOULDER = 8
@@ -135,7 +135,7 @@ def narrower_band(
                 difference_t(rest, n_rest, road_left, n_road_left, variance),
             )
             if beside > 1 and t > best:
-                t = min(t, t_over_bow(number, total, variance, outer, (a, b), beside // 2))
+                t = min(t, t_over_bow(number, total, variance, outer, (a, b), (beside + 1) // 2))
             if t > best and off > least_t:
                 best, first, last = t, a, b
     return first, last, best
@@ -184,7 +184,7 @@ def t_over_bow(
     weight2 = c02 + c12 * in1 + c22 * in2
     expected = weight0 * s0 + weight1 * s1 + weight2 * s2
     uncertain = weight0 + weight1 * in1 + weight2 * in2
-    return float((mean - expected) / math.sqrt(variance * (1.0 / n_in + uncertain)))
+    return float((mean - expected) / math.sqrt(variance * (1.0 / n_in + max(uncertain, 0.0))))
 
 
 @njit(cache=True, nogil=True)

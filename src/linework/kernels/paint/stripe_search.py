@@ -261,7 +261,8 @@ def stripes_across(
                 rest_free += free[b]
         if rest_free >= LEAST_FREE:
             variance = min(variance, rest_within / rest_free + LEAST_VARIANCE)
-    # What lies within a band is told by the scatter there, too. Two lines near each other stand out more as one from the road on both sides than each from the gap between
+    # What lies within a band is told by the scatter there, too. Two lines near each other stand out more as one from the road
+    # on both sides than each from the gap between
     for j in range(m):
         if m == MOST_STRIPES:
             break
@@ -275,7 +276,7 @@ def stripes_across(
     # the band on either side must be wider than the edge of a line is blurred. Along one side of a band an edge of the line is
     # that of the band
     bins, wide = int(NARROWEST_LINE_M / size + 0.5), m
-    beside = 1 if bins >= 2 * N_EDGE else math.ceil(BLURRED_M / size)
+    beside = 1 if bins >= 2 * N_EDGE else int(BLURRED_M / size + 0.5)
     for k in range(2 * wide):
         if m == MOST_STRIPES:
             break

@@ -253,11 +253,11 @@ def _without_strips(
     markings: Sequence[SmoothMarking], stripes: BoxSet, rails: Sequence[SmoothMarking]
 ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
     """Return markings that are paint beside others, as sure as that leaves them, and strips of stone beside paint or rails."""
-    known = [*markings, *rails]
+    known, is_rail = [*markings, *rails], np.arange(len(markings) + len(rails)) >= len(markings)
     contrast = np.array([median_contrast(stripes, m.boxes) for m in known])
     width_m, confidence = (np.array([getattr(m, name) for m in known]) for name in ("width_m", "confidence"))
-    chances = chances_beside_paint(axes_of_lines(known), contrast, width_m, confidence).tolist()
-    each = list(zip(markings, chances, strict=False))
+    chances = chances_beside_paint(axes_of_lines(known), contrast, width_m, confidence, is_rail).tolist()
+    each = list(zip(markings, chances[: len(markings)], strict=True))
     paint = [replace(m, confidence=m.confidence * c) for m, c in each if c >= LEAST_PIECE_SCORE]
     return paint, [m for m, c in each if c < LEAST_PIECE_SCORE]
 

@@ -152,7 +152,9 @@ class PaintPoints:
         rows, starts = paint_points.sort_into_cells(
             points.xyz, intensity, time_s, local, cells, n_rows * n_cols
         )
-        if len(scan_rows) and intensity is points.intensity:
+        # A range or a probability of the user's own says what paint is, whatever its neighbours
+        has_own = probability is not None or config.max_intensity > 0.0 or config.min_intensity > 0.0
+        if len(scan_rows) and points.intensity is not None and not has_own:
             rows[:, paint_points.POINT_INTENSITY] = evened_rows(rows, starts, lattice, scan_rows)
         return cls(rows, starts, lattice)
 

@@ -40,7 +40,7 @@ from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
 
 #: A box depends on the points within this distance of its cell only. [m]
-BOX_REACH_M = 9.0
+BOX_REACH_M = 10.0
 #: What `Obb.steps` calls the steps of the join.
 _NAMES_OF_STEPS = (
     "kerbs",
@@ -97,7 +97,7 @@ class Obb:
 
     @property
     def buffer_m(self) -> float:
-        """A box depends on the points within 9 m of its cell only, an own function on those of whole pieces."""
+        """A box depends on the points within 10 m of its cell only, an own function on those of whole pieces."""
         return WHOLE_PIECES_M if callable(self.paint) else BOX_REACH_M
 
     @property

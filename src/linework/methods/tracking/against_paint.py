@@ -40,6 +40,9 @@ UNEVEN_M, DROPPED_KERB_M, STONE_SHARE = 0.004, 0.03, 0.1
 MEDIAN_SPREAD, RISES_OF_STRETCH, LEAST_STRETCHES = 1.4826, 16, 3
 #: Lines nearer to each other than a van is wide are drawn together, or one is none. [m]
 DRAWN_TOGETHER_M = 1.8
+#: The strip of concrete or stone along a grooved rail reaches this far from it: lines beside a track keep clear of the cars,
+#: 0.5 m and more. [m]
+BED_M = 0.45
 #: Standard deviations of logarithms of ratios: of contrasts, between lines of one paint, as wear differs from line to line; of
 #: widths, between two generations of one line.
 SAME_PAINT, SAME_WIDTH = 0.35, 0.2
@@ -53,7 +56,7 @@ BESIDE_LOG_ODDS = 3.0
 #: Why a line is more likely something else than paint.
 NARROW = "narrower than paint: a rail or a joint"
 OTHER_STRIP = "no paint: it fades at its sides, or lies between two materials"
-STRIP_BESIDE = "strip of stone: fainter and wider than the line of paint beside it"
+STRIP_BESIDE = "strip of stone: fainter and wider than the line beside it"
 ON_STEP = "stone of a dropped kerb: the ground on one side is higher along all of it"
 
 
@@ -138,7 +141,11 @@ def median_contrast(boxes: BoxSet, box: IntArray) -> float:
 
 
 def chances_beside_paint(
-    axes: Sequence[LineAxis], contrast: FloatArray, width_m: FloatArray, confidence: FloatArray
+    axes: Sequence[LineAxis],
+    contrast: FloatArray,
+    width_m: FloatArray,
+    confidence: FloatArray,
+    is_rail: BoolArray,
 ) -> FloatArray:
     """Return the chance that each line is paint by how bright and how wide it is beside others, (m,).
 
@@ -151,11 +158,14 @@ def chances_beside_paint(
         (m,) by how much each is brighter than the road, over the road; NaN where that is unknown. [-]
     width_m, confidence
         (m,) of each [m, 1]; what is less sure to be paint says less about what is beside it.
+    is_rail
+        (m,) bool: narrower than paint. Its bed of stone reaches `BED_M`; what paint is farther away it cannot tell.
     """
     chance = np.ones(len(axes))
     n = find_neighbours(axes, DRAWN_TOGETHER_M)
     speaks = (contrast[n.line] > 0.0) & (contrast[n.line] < contrast[n.other])
     speaks &= width_m[n.line] > width_m[n.other]
+    speaks &= ~is_rail[n.other] | (np.abs(n.across_m) <= BED_M)
     for i in np.unique(n.line[speaks]).tolist():
         own = speaks & (n.line == i)
         # What stands beside it here and there says nothing of it

@@ -89,7 +89,7 @@ class Mouths:
                 # Over the gap the line goes on from one side to the other as it bends
                 place[inside] = _bridged(place, inside)
                 is_gap: BoolArray = np.any((at > ends[:, :1]) & (at < ends[:, 1:]), axis=0)
-                chance[i] = self._chance(place, inside, ~is_gap)
+                chance[i], _ = self._chance(place, inside, ~is_gap)
         return chance
 
     def log_odds_of_rhythm(self, line: SmoothLine, dashes: FloatArray) -> float:
@@ -120,9 +120,9 @@ class Mouths:
         return RHYTHM_LOG_ODDS + by_chance - (n_gaps - in_gaps) * NO_REASON_LOG_ODDS
 
     def _count_beside(self, line: SmoothLine, intervals: FloatArray) -> tuple[int, int]:
-        """Return how many intervals along a line (k, 2) [m] have a mouth beside them, and how many may have one.
+        """Return how many intervals along a line (k, 2) [m] have a mouth beside them, and of how many that is known.
 
-        Those at its ends, and short ones, show none.
+        Those at its ends, and short ones, show none; nor do those beside which no boundary is known, or it is hidden.
         """
         mouths, places = 0, 0
         for first, last in intervals.tolist():
@@ -138,12 +138,13 @@ class Mouths:
                     slice(len(before), len(before) + len(within)),
                     np.ones(len(at), dtype=np.bool_),
                 )
-                mouths += self._chance(place, inside, anywhere) < 1.0
-                places += 1
+                chance, is_known = self._chance(place, inside, anywhere)
+                mouths += chance < 1.0
+                places += is_known
         return mouths, places
 
-    def _chance(self, place: FloatArray, inside: slice, is_line: BoolArray) -> float:
-        """Return what `chances` does for one gap, on the side that speaks most.
+    def _chance(self, place: FloatArray, inside: slice, is_line: BoolArray) -> tuple[float, bool]:
+        """Return what `chances` does for one gap, on the side that speaks most, and whether a boundary is known beside it.
 
         place: (n, 2) [m]; is_line: (n,) bool, whether it lies in no gap.
         """
@@ -159,7 +160,7 @@ class Mouths:
         is_beside = (np.abs(np.sum(step * u, axis=1)) <= ALONG_M) & (np.abs(left) <= REACH_OF_MOUTHS_M)
         cosine = np.abs(self._normal[own, 1] * u[:, 0] - self._normal[own, 0] * u[:, 1])
         is_along, turns = is_beside & (cosine >= _ALONG), is_beside & (cosine < _ALONG)
-        chances = [1.0]
+        chances, is_known = [1.0], False
         for side in (1.0, -1.0):
             across = side * left
             offset = np.full(len(place), np.inf)
@@ -173,6 +174,9 @@ class Mouths:
             is_bare[at[is_here & (np.abs(across - expected[at]) <= GOES_ON_M)]] = False
             normal = side * np.column_stack([-along[:, 1], along[:, 0]])
             is_open = is_bare & self._visible(place + expected[:, None] * normal)
+            is_known |= bool(
+                np.any(~is_bare[inside]) or _longest_run(is_open[inside]) * MOUTH_PLACE_M >= LEAST_MOUTH_M
+            )
             closed = np.flatnonzero(~is_bare)
             first, last = closed[closed < inside.start], closed[closed >= inside.stop]
             if (
@@ -190,7 +194,7 @@ class Mouths:
                 around = around[np.concatenate([is_line[: first[-1] + 1], is_line[last[0] :]])]
                 open_m, seen_m = MOUTH_PLACE_M * np.count_nonzero(around), MOUTH_PLACE_M * len(around)
                 chances.append((open_m / HOLE_M + 1.0) / (seen_m / HOLE_M + 2.0))
-        return min(chances)
+        return min(chances), is_known
 
 
 def _expected(offset: FloatArray, inside: slice) -> FloatArray | None:
