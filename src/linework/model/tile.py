@@ -24,7 +24,9 @@ PROFILE, SPINNING, AIRBORNE, UNORDERED = "profile", "spinning", "airborne", "non
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserGains:
-    """How much brighter each laser of a spinning scanner sees things, at the ranges at which it sees the road.
+    """What lasers differ by in brightness: gains of the lasers of a spinning scanner, and rows of strips that overlap.
+
+    Gains are those at the ranges at which each laser sees the road.
 
     Parameters
     ----------

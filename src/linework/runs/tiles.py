@@ -68,9 +68,9 @@ def plan_tiles(
 
     Notes
     -----
-    A tile, buffer included, has at most `max_points`, unless its core is as small as `least_core_m`, or dividing it would
-    not lessen them by a quarter. A survey that fits into one tile is one tile; so is one no larger than a core that gains as
-    little by more.
+    A tile, buffer included, has at most `max_points`, unless its core is as small as `least_core_m`, or one of its parts
+    would have more than three quarters of its points. A survey that fits into one tile is one tile; so is one no larger
+    than a core if one of its tiles would have as many.
     """
     if not all(map(math.isfinite, extent)) or extent.west > extent.east or extent.south > extent.north:
         raise ValueError(f"extent {tuple(extent)}: expected finite numbers, west <= east, south <= north")
@@ -117,7 +117,7 @@ def _cores(blocks: IntArray, block_m: float, core_m: float, config: TilingConfig
 def _divided(
     core: Bounds, count_in: Callable[[Bounds], int], buffer_m: float, most: int, config: TilingConfig
 ) -> list[Bounds]:
-    """Return the core, its quarters if the tile has too many points and these have fewer, or nothing if the core has none."""
+    """Return the core; its parts if the tile has too many points and they far fewer; nothing if the core has none."""
     if count_in(core) == 0:
         return []
     n_points = count_in(core.grown(buffer_m))

@@ -28,7 +28,7 @@ _MOST_SHARE = 0.999
 
 
 class MixtureLimits(NamedTuple):
-    """Distance within which strays lie anywhere, and least and largest scatter of the points of a wire. [m]."""
+    """Distance within which strays lie anywhere, and least and largest scatter of the points of a wire [m]."""
 
     reach: float
     least: float
@@ -146,6 +146,6 @@ def _squares(points: FloatArray, curves: FloatArray, weight: FloatArray) -> tupl
 
 @njit(cache=True, nogil=True)
 def _at(curves: FloatArray, row: int, k: int, u: float) -> float:
-    """Return where a wire is at a scaled station. [m]."""
+    """Return where a wire is at a scaled station [m]."""
     value: float = curves[row, k, 0] + u * (curves[row, k, 1] + u * curves[row, k, 2])
     return value

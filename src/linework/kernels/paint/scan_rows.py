@@ -35,8 +35,8 @@ LEAST_WINDOW, FEWEST_IN_ROW, FEWEST_ROWS, FREE_IN_ROWS = 40, 2, 10, 20.0
 #: Brightness farther from the middle of a window, in spreads, is paint or dark: it counts as this much, and is left.
 CLIP_SPREADS = 2.5
 #: Rows are evened by no more than this many standard deviations of what rows differ by: what differs more is paint along
-#: the rows. Two strips differ by one and by two, as one of them has more rows; with 1.2 and 2.0 dashes along the rows of
-#: als-roads-t0717-junction were lost (2026-11-30).
+#: the rows. Of 0.8, 1.2 and 2.0 it loses least of the dashes along the rows of als-roads-t0717-junction (2026-11-30,
+#: decision 195).
 MOST_EVENED = 0.8
 #: Median of the square of a standard normal number, and standard deviation of the median of n of them, times the root of
 #: n and in units of it; spread over the median distance from the middle.
@@ -184,7 +184,7 @@ def variance_of_rows(window: FloatArray, n: int, direction: FloatArray) -> tuple
             m += 1
     if m < FEWEST_ROWS:
         return 0.0, variance
-    # Of most places one strip is all there is: what chance does to the median is taken off
+    # Most places have one strip only: what chance adds to the median is taken off
     ratio = smallest(squares, m // 2, m) / MEDIAN_SQUARE - MEDIAN_SIGMA / math.sqrt(m)
     return max(ratio - 1.0, 0.0) * variance * shares / m, variance
 

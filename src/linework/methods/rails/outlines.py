@@ -156,7 +156,7 @@ def bars_of(counts: FloatArray, height: FloatArray, u: FloatArray, on_m: float) 
     """
     rows, columns = np.nonzero(counts)
     number = counts[rows, columns]
-    fullest = np.argsort(-number)
+    fullest = np.argsort(-number, kind="stable")
     rows, columns, number = rows[fullest], columns[fullest], number[fullest]
     cells = np.column_stack([rows, np.rint(u[columns] / _PLACE_STEP_M).astype(np.int64)])
     at = np.column_stack([u[columns], height[rows]])

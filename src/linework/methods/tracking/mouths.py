@@ -116,7 +116,7 @@ class Mouths:
             for k in range(in_gaps, min(mouths, n_gaps) + 1)
         )
         by_chance = math.log(ways) - math.log(math.comb(n_gaps + n_dashes, mouths))
-        # Short gaps, and those at its ends, where nobody knows whether there is a mouth, may be either
+        # Gaps of which nobody knows whether a mouth is beside them count for neither
         return RHYTHM_LOG_ODDS + by_chance - (n_gaps - in_gaps) * NO_REASON_LOG_ODDS
 
     def _count_beside(self, line: SmoothLine, intervals: FloatArray) -> tuple[int, int]:
