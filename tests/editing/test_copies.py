@@ -117,3 +117,23 @@ def test_of_equal_lengths_the_nearer_line_counts():
     for lines in (both(weak, near, far), both(far, near, weak)):
         (item,) = [item for item in copied_lines(lines) if item.ids == ("weak",)]
         assert "10 cm beside" in item.reason
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_many_lines_are_compared_as_each_two_are(seed):
+    """What sorts out pairs beforehand loses none: lines that cross, meet, and run along each other with turns."""
+    rng = np.random.default_rng(seed)
+    lines = both(
+        *(
+            line(rng.uniform(0.0, 2.0), start=start, end=start + rng.uniform(3.0, 40.0), rate=rng.choice([0.0, 0.01, -0.3]),
+                 sigma_m=rng.uniform(0.01, 0.1), id=[f"{k}"], confidence=[rng.uniform(0.3, 1.0)])
+            for k, start in enumerate(rng.uniform(0.0, 60.0, 40))
+        )
+    )  # fmt: skip
+    best = {}
+    for i in range(len(lines)):
+        for j in range(i):
+            for item in copied_lines(lines.take([j, i])):
+                best[item.ids] = max(best.get(item.ids, 0.0), item.length_m)
+    assert 10 < len(best) < len(lines)
+    assert {item.ids: item.length_m for item in copied_lines(lines)} == best

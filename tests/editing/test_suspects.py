@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.editing.queue.gaps import gap_suspects
+from linework.editing.queue.gaps import GAP_DRIFT_M, GAP_DRIFT_SHARE, LEAST_SUSPECT_GAP_M, gap_suspects
 from linework.editing.queue.suspects import (
     loose_wires,
     missing_dashes,
@@ -106,6 +106,26 @@ def test_of_a_double_line_each_goes_on_as_itself():
     lines = together(*(beside(path, s, e, q, name=name) for s, e, q, name in parts))
     found = gap_suspects(lines, DrivenPath.of(path), everywhere)
     assert {gap.ids for gap in found} == {("a", "c"), ("b", "d")}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_many_pieces_those_that_fit_best_go_on_as_each_other(seed):
+    rng, path = np.random.default_rng(seed), road(600.0)
+    start = rng.integers(0, 1100, 60) / 2.0
+    end = np.minimum(start + rng.integers(10, 120, 60) / 2.0, 598.0)
+    left = rng.uniform(-2.0, 2.0, 60)
+    lines = together(*(beside(path, start[k], end[k], left[k], name=f"{k}") for k in range(60)))
+    found = gap_suspects(lines, DrivenPath.of(path), everywhere)
+    # All pairs that fit, the best first
+    gap, drift = start[None, :] - end[:, None], np.abs(left[None, :] - left[:, None])
+    fits = (gap > -1.0) & (drift <= GAP_DRIFT_M + GAP_DRIFT_SHARE * np.maximum(gap, 0.0))
+    after = {}
+    for _, k, m in sorted((gap[k, m] + 50.0 * drift[k, m], k, m) for k, m in np.argwhere(fits)):
+        if k not in after and m not in after.values():
+            after[k] = m
+    expected = {(f"{k}", f"{m}") for k, m in after.items() if gap[k, m] >= LEAST_SUSPECT_GAP_M}
+    assert len(expected) > 20
+    assert {item.ids for item in found if len(item.ids) == 2} == expected
 
 
 def test_a_side_without_a_boundary():

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from linework.arrays import FloatArray, distance_along
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along, offsets_of
 from linework.editing.queue.suspects import REVIEWED_TOGETHER, Suspect, line_middle, view_box
 from linework.model.lines import STACKED_FORM, LineSet
 
@@ -18,6 +18,8 @@ LEAST_TOGETHER_M = 5.0
 _LEAST_SHARE = 0.5
 #: Distance of the places at which two lines are compared. [m]
 _STEP_M = 0.5
+#: Pairs of lines that are compared together: some ten megabytes of stations.
+_PAIRS_AT_ONCE = 20_000
 #: Standard deviations within which two measurements of one line agree (99.7 % of a normal distribution).
 _N_SIGMAS = 3.0
 #: Difference of heights above which lines are one above the other, as wires are. [m]
@@ -44,43 +46,99 @@ def _copies_of(lines: LineSet) -> list[Suspect]:
     """Return the suspects among lines of one kind, one a line."""
     if len(lines) < 2:
         return []
-    plan = [shapely.LineString(lines[k].xyz[:, :2]) for k in range(len(lines))]
+    plan = np.array([shapely.LineString(lines[k].xyz[:, :2]) for k in range(len(lines))])
     sigma_m = np.array([_median(lines[k].sigma_xy_m) for k in range(len(lines))])
-    width_m = np.nan_to_num(lines.width_m)
-    reach_m = width_m + _N_SIGMAS * sigma_m * np.sqrt(2.0)
-    near = shapely.STRtree(plan).query(plan, predicate="dwithin", distance=np.maximum(reach_m, 1e-3) * 2.0)
+    width_m, length_m = np.nan_to_num(lines.width_m), lines.length_m
+    reach_m = 2.0 * np.maximum(width_m + _N_SIGMAS * sigma_m * np.sqrt(2.0), 1e-3)
+    weak, other = _weaker_first(lines, length_m, _near_pairs(plan, reach_m))
+    # The pipes of a rail are one above another
+    is_stacked = lines.form == STACKED_FORM
+    counts = (lines.review[weak] == "") & ~(is_stacked[weak] & is_stacked[other])
+    weak, other = weak[counts], other[counts]
+    limit_m = (width_m[weak] + width_m[other]) / 2 + _N_SIGMAS * np.hypot(sigma_m[weak], sigma_m[other])
+    least_m = np.maximum(LEAST_TOGETHER_M, _LEAST_SHARE * length_m)
     # Of each weaker line: the greatest length beside one other and, with its sign changed, the distance there
     best: dict[int, tuple[float, float]] = {}
-    # Each line asks with its own reach: a pair counts whichever of the two reaches the other
-    for i, j in np.unique(np.sort(near.T, axis=1), axis=0).tolist():
-        if i == j:
+    stations = [_stations(lines[k].xyz) for k in range(len(lines))]
+    for k in _long_beside(plan, stations, (weak, other), limit_m, least_m[weak]).tolist():
+        i, j = int(weak[k]), int(other[k])
+        together_m, apart_m = _together(stations[i], lines[j].xyz, float(limit_m[k]))
+        if together_m < least_m[i]:
             continue
-        weak, other = _weaker_first(lines, i, j)
-        # The pipes of a rail are one above another
-        if lines.review[weak] != "" or set(lines.form[[i, j]].tolist()) == {STACKED_FORM}:
-            continue
-        limit_m = float(width_m[[i, j]].mean()) + _N_SIGMAS * float(np.hypot(sigma_m[i], sigma_m[j]))
-        together_m, apart_m = _together(lines[weak].xyz, lines[other].xyz, limit_m)
-        if together_m < max(LEAST_TOGETHER_M, _LEAST_SHARE * float(lines.length_m[weak])):
-            continue
-        best[weak] = max(best.get(weak, (0.0, 0.0)), (together_m, -apart_m))
+        best[i] = max(best.get(i, (0.0, 0.0)), (together_m, -apart_m))
     return [_suspect(lines, k, together_m, -nearness) for k, (together_m, nearness) in sorted(best.items())]
 
 
-def _weaker_first(lines: LineSet, i: int, j: int) -> tuple[int, int]:
-    """Return two lines, that one first which would go: unreviewed, of lower confidence, the shorter."""
-    ranks = [
-        (str(lines.review[k]) != "", float(lines.confidence[k]), float(lines.length_m[k]), str(lines.id[k]))
-        for k in (i, j)
-    ]
-    return (i, j) if ranks[0] <= ranks[1] else (j, i)
+def _near_pairs(plan: AnyArray, reach_m: FloatArray) -> IntArray:
+    """Return the pairs (2, k) of lines (n,) of which one may come within its reach of the other, the lower number first."""
+    west, south, east, north = shapely.bounds(plan).T
+    boxes = shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
+    first, second = shapely.STRtree(plan).query(boxes)
+    # A pair counts whichever of the two reaches the other
+    n = len(plan)
+    pairs = np.sort((np.minimum(first, second) * n + np.maximum(first, second))[first != second])
+    pairs = pairs[np.diff(pairs, prepend=-1) > 0]
+    return np.stack([pairs // n, pairs % n])
 
 
-def _together(line: FloatArray, other: FloatArray, limit_m: float) -> tuple[float, float]:
-    """Return the length of a line (n, 3) that lies within a limit of another (m, 3), and their median distance there. [m]"""  # noqa: D400
+def _weaker_first(lines: LineSet, length_m: FloatArray, pairs: IntArray) -> tuple[IntArray, IntArray]:
+    """Return pairs (2, k), that line first which would go: unreviewed, of lower confidence, the shorter."""
+    names, n = [str(name) for name in lines.id], len(lines)
+    order = sorted(
+        range(n), key=lambda k: (str(lines.review[k]) != "", lines.confidence[k], length_m[k], names[k])
+    )
+    rank = np.empty(n, dtype=np.int64)
+    rank[order] = np.arange(n)
+    is_first = rank[pairs[0]] <= rank[pairs[1]]
+    return np.where(is_first, pairs[0], pairs[1]), np.where(is_first, pairs[1], pairs[0])
+
+
+def _long_beside(
+    plan: AnyArray, stations: list[FloatArray], pairs: tuple[IntArray, IntArray],
+    limit_m: FloatArray, least_m: FloatArray,
+) -> IntArray:  # fmt: skip
+    """Return which pairs may run together for long enough, by the stations in the other's box, then by their distance.
+
+    In a dense survey most pairs cross: `_together` for each of a million took minutes.
+    """
+    places = np.concatenate([own[:, :2] for own in stations])
+    points = shapely.points(places)
+    count = np.array([len(own) for own in stations], dtype=np.int64)
+    start, boxes = offsets_of(count), shapely.bounds(plan)
+    found = [np.zeros(0, dtype=np.int64)]
+    for first in range(0, len(limit_m), _PAIRS_AT_ONCE):
+        chosen = np.arange(first, min(first + _PAIRS_AT_ONCE, len(limit_m)))
+        for is_exact in (False, True):
+            weak, other = pairs[0][chosen], pairs[1][chosen]
+            pair = np.repeat(np.arange(len(chosen)), count[weak])
+            at = np.arange(len(pair)) + np.repeat(start[weak] - offsets_of(count[weak])[:-1], count[weak])
+            reach_m = limit_m[chosen][pair]
+            near = (
+                shapely.distance(points[at], plan[other][pair]) <= reach_m if is_exact
+                else _in_box(places[at], boxes[other][pair], reach_m)
+            )  # fmt: skip
+            n_beside = np.bincount(pair, weights=near, minlength=len(chosen))
+            chosen = chosen[n_beside * _STEP_M >= least_m[chosen]]
+        found.append(chosen)
+    return np.concatenate(found)
+
+
+def _in_box(places: FloatArray, boxes: FloatArray, limit_m: FloatArray) -> BoolArray:
+    """Return which places (n, 2) lie in boxes (n, 4) grown by a limit (n,)."""
+    (east, north), (low_e, low_n, high_e, high_n) = places.T, boxes.T
+    is_in = (east >= low_e - limit_m) & (east <= high_e + limit_m)
+    return np.asarray(is_in & (north >= low_n - limit_m) & (north <= high_n + limit_m))
+
+
+def _stations(line: FloatArray) -> FloatArray:
+    """Return the places (k, 3) of a line (n, 3) at which it is compared with another."""
     along = distance_along(line)
-    stations = np.arange(0.5 * _STEP_M, along[-1], _STEP_M)
-    places = np.column_stack([np.interp(stations, along, line[:, axis]) for axis in range(3)])
+    at = np.arange(0.5 * _STEP_M, along[-1], _STEP_M)
+    return np.column_stack([np.interp(at, along, line[:, axis]) for axis in range(3)])
+
+
+def _together(places: FloatArray, other: FloatArray, limit_m: float) -> tuple[float, float]:
+    """Return the length of a line with stations (n, 3) that lies within a limit of another (m, 3), and their median distance there. [m]"""  # noqa: D400
     reference = shapely.LineString(other[:, :2])
     points = shapely.points(places[:, :2])
     apart_m = shapely.distance(points, reference)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
 
 import numpy as np
 
@@ -185,20 +186,33 @@ def _turned(lines: LineSet, which: list[int]) -> LineSet:
 
 def _next_of(pieces: _Pieces) -> dict[int, int]:
     """Return pairs of pieces, one continuing the other: best fit first, each end used once."""
-    pairs = []
-    for k in range(len(pieces)):
-        gap = pieces.along[:, 0] - pieces.along[k, 1]
-        drift = np.abs(pieces.left_m[:, 0] - pieces.left_m[k, 1])
+    start, left_m = pieces.along[:, 0], pieces.left_m[:, 0]
+    is_free = np.ones(len(pieces), dtype=np.bool_)
+
+    def best(k: int) -> list[tuple[float, int, int]]:
+        """Return how well the best free piece continues one, the piece, and the other; empty where none does."""
+        gap = start - pieces.along[k, 1]
+        drift = np.abs(left_m - pieces.left_m[k, 1])
         fits = (gap > -1.0) & (drift <= GAP_DRIFT_M + GAP_DRIFT_SHARE * np.maximum(gap, 0.0) * PATH_STEP_M)
+        fits &= is_free
         fits[k] = False
         # One metre across weighs as much as fifty along, so that the lines of a double line are not swapped
-        pairs += [(float(gap[m] + 50.0 * drift[m]), k, int(m)) for m in np.flatnonzero(fits)]
+        cost = np.where(fits, gap + 50.0 * drift, np.inf)
+        m = int(np.argmin(cost))
+        return [(float(cost[m]), k, m)] if fits[m] else []
+
+    # A list of all pairs took half a minute for 5,000 lines: every line ahead may continue one
+    waiting = [pair for k in range(len(pieces)) for pair in best(k)]
+    heapify(waiting)
     next_of: dict[int, int] = {}
-    taken: set[int] = set()
-    for _, k, m in sorted(pairs):
-        if k not in next_of and m not in taken:
+    while waiting:
+        _, k, m = heappop(waiting)
+        if is_free[m]:
             next_of[k] = m
-            taken.add(m)
+            is_free[m] = False
+        else:
+            for pair in best(k):
+                heappush(waiting, pair)
     return next_of
 
 

@@ -413,14 +413,14 @@ def loose_wires(lines: LineSet, visible: WasMeasured) -> list[Suspect]:
     loose = np.array(
         [all(owner[k] == owner[i] or ways[k] @ ways[i] > 0 for k in own) for i, own in enumerate(near)]
     )
-    found = []
-    for i in np.flatnonzero(loose & np.isin(owner, number)).tolist():
+    found, loose_tips, loose_ways, loose_ends = [], tips[loose, :2], ways[loose], np.flatnonzero(loose)
+    for i in loose_ends[np.isin(owner[loose], number)].tolist():
         span_m = float(np.hypot(*(tips[i ^ 1, :2] - tips[i, :2])))
-        step = tips[loose, :2] - tips[i, :2]
+        step = loose_tips - tips[i, :2]
         away = np.hypot(*step.T)
         ahead = step @ ways[i] >= np.cos(np.radians(_IN_LINE_DEG)) * np.maximum(away, 1e-9)
-        facing = ahead & (away > SAME_POLE_M) & (away <= MOST_SPANS * span_m) & (ways[loose] @ ways[i] < -0.9)
-        beyond = np.flatnonzero(loose)[facing]
+        facing = ahead & (away > SAME_POLE_M) & (away <= MOST_SPANS * span_m) & (loose_ways @ ways[i] < -0.9)
+        beyond = loose_ends[facing]
         m = int(beyond[np.argmin(away[facing])]) if len(beyond) else -1
         if m >= 0 and m < i:
             continue  # found from the other end already
