@@ -130,7 +130,7 @@ export class EvidencePane implements Pane {
   }
 
   private async image(pair: Pair, item: QueueItem): Promise<HTMLElement> {
-    const [[left], { left: lines, width, height }] = await Promise.all([this.drive.images(pair.number), api.pairLines(pair.number)]);
+    const [left, { left: lines, width, height }] = await Promise.all([this.drive.image(pair.number, "left"), api.pairLines(pair.number)]);
     const shown = isOfMany(item) ? item.ids.slice(0, 1) : item.ids;
     const own = lines.filter(({ id }) => shown.includes(id));
     const part = partAbout(own, width, height);

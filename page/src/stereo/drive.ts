@@ -3,13 +3,13 @@
 import * as api from "../app/api";
 import type { Pair, Place } from "../app/documents";
 
-const MAX_CACHED = 6; // pairs of images
+const MAX_CACHED = 12; // images
 
 export class StereoDrive {
   pairs: Pair[] = [];
   playing = false;
   perSecond = 2;
-  private readonly cached = new Map<number, Promise<[HTMLImageElement, HTMLImageElement]>>();
+  private readonly cached = new Map<string, Promise<HTMLImageElement>>();
 
   // `show` resolves when the pair is on the screen
   constructor(private readonly show: (pair: Pair) => Promise<void>, private readonly stopped: () => void) {}
@@ -46,14 +46,19 @@ export class StereoDrive {
 
   // The left and right image of a pair; requesting them early avoids a wait when they are shown
   images(number: number): Promise<[HTMLImageElement, HTMLImageElement]> {
-    const cached = this.cached.get(number);
+    return Promise.all([this.image(number, "left"), this.image(number, "right")]);
+  }
+
+  image(number: number, side: "left" | "right"): Promise<HTMLImageElement> {
+    const url = api.imageUrl(number, side);
+    const cached = this.cached.get(url);
     if (cached) return cached;
-    const both = Promise.all([loaded(api.imageUrl(number, "left")), loaded(api.imageUrl(number, "right"))]);
-    this.cached.set(number, both);
-    both.catch(() => this.cached.delete(number));
+    const image = loaded(url);
+    this.cached.set(url, image);
+    image.catch(() => this.cached.delete(url));
     const oldest = this.cached.keys().next().value;
     if (this.cached.size > MAX_CACHED && oldest !== undefined) this.cached.delete(oldest);
-    return both;
+    return image;
   }
 
   async play(from: number): Promise<void> {

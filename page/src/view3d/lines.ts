@@ -10,6 +10,7 @@ import type { Line, Place, Vertex } from "../app/documents";
 import { REJECTED } from "../app/filter";
 
 const DRAW_RADIUS_M = 250; // lines farther away would be a few pixels
+const MOST_SEGMENTS = 40_000; // without a graphics card 400,000 took 5 s a frame; 20 lines over 500 m have some 20,000
 const GROWING = CANVAS.followed;
 const ORDER = ["solid", "dashed", "halo", "selected", "selectedDashed"]; // later ones are drawn over earlier ones
 
@@ -26,15 +27,22 @@ export class Lines3D {
     selectedDashed: material(4.5, true),
   };
   drawn: Line[] = [];
+  near = 0; // lines within the radius; those drawn are the selected and the nearest of them
 
   show(
     lines: Iterable<Line>, growing: readonly Line[], path: readonly Vertex[], selectedIds: readonly string[], at: Place,
     origin: Vertex, colourOf: (kind: string) => string,
   ): void {
     const parts = { solid: part(), dashed: part(), halo: part(), selected: part(), selectedDashed: part() };
-    this.drawn = [...lines].filter((line) => line.review !== REJECTED && isNear(line, at));
+    const selected = new Set(selectedIds);
+    const near = [...lines]
+      .filter((line) => line.review !== REJECTED)
+      .map((line) => ({ line, away_m: distanceTo(line, at), isSelected: selected.has(line.id) }))
+      .filter(({ away_m }) => away_m < DRAW_RADIUS_M);
+    this.near = near.length;
+    this.drawn = nearest(near);
     for (const line of this.drawn) {
-      const isSelected = selectedIds.includes(line.id);
+      const isSelected = selected.has(line.id);
       const colour = new Color(brightened(colourOf(line.kind)));
       if (isSelected) addRun(line.xyz, new Color(CANVAS.selected), origin, parts.halo);
       add(line, colour, origin, isSelected ? parts.selected : parts.solid, isSelected ? parts.selectedDashed : parts.dashed);
@@ -74,8 +82,19 @@ function material(linewidth: number, dashed: boolean): LineMaterial {
 
 const part = (): Part => ({ positions: [], colours: [] });
 
-function isNear(line: Line, at: Place): boolean {
-  return line.xyz.some(([e, n]) => Math.abs(e - at[0]) < DRAW_RADIUS_M && Math.abs(n - at[1]) < DRAW_RADIUS_M);
+// Along east or north, of the nearest vertex
+function distanceTo(line: Line, at: Place): number {
+  let least = Infinity;
+  for (const [e, n] of line.xyz) least = Math.min(least, Math.max(Math.abs(e - at[0]), Math.abs(n - at[1])));
+  return least;
+}
+
+// The selected lines, then the nearest, as many as have `MOST_SEGMENTS` together, and the first in any case
+function nearest(lines: { line: Line; away_m: number; isSelected: boolean }[]): Line[] {
+  const sorted = [...lines].sort((a, b) => Number(b.isSelected) - Number(a.isSelected) || a.away_m - b.away_m);
+  let segments = 0;
+  const beyond = sorted.findIndex(({ line }, i) => (segments += line.xyz.length - 1) > MOST_SEGMENTS && i > 0);
+  return sorted.slice(0, beyond < 0 ? sorted.length : beyond).map(({ line }) => line);
 }
 
 function add(line: Line, colour: Color, origin: Vertex, solid: Part, dashed: Part): void {

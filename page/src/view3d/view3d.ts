@@ -217,8 +217,13 @@ export class View3D implements Pane {
       this.isFrameRequested = false;
       this.renderer?.render(this.scene, this.camera);
       this.element.dataset["points"] = String(this.points.n);
-      this.status.textContent = `${this.points.n.toLocaleString("en")} points`;
+      this.status.textContent = `${this.points.n.toLocaleString("en")} points${this.leftOut()}`;
     });
+  }
+
+  private leftOut(): string {
+    const { drawn, near } = this.lines;
+    return drawn.length < near ? `, the nearest ${drawn.length.toLocaleString("en")} of ${near.toLocaleString("en")} lines` : "";
   }
 
   private release(event: PointerEvent): void {

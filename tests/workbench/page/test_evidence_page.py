@@ -98,6 +98,16 @@ def test_images_show_the_part_about_the_line(browser, served, lines):
         assert min(widths) >= IMAGE_WIDTH // 3
 
 
+def test_only_images_that_are_shown_are_asked_for(browser, served, first_of):
+    with queue_of(browser, served, [item_of(first_of("lane_marking"))]) as (plan, pane):
+        asked = []
+        plan.page.on("request", lambda request: asked.append(request.url))
+        plan.press("n")
+        wait_until(lambda: pane.locator(".evidence-images canvas").count() >= 2)
+        assert sum(url.endswith("/left") for url in asked) == pane.locator(".evidence-images canvas").count()
+        assert not [url for url in asked if url.endswith("/right")]
+
+
 def test_of_an_item_of_several_lines_it_says_which_is_shown(browser, served, lines):
     ids = [line["id"] for line in lines[:3]]
     items = [item_of(lines[0], key="rest 1", type="rest", ids=ids)]

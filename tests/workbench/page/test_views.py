@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.workbench.serve_process import Served, wait_until
+from tests.workbench.serve_process import Served, opened_page, wait_until
 
 from linework.files.vectors.read_write import read_lines
 
@@ -158,6 +158,25 @@ def test_the_3d_view_shows_points_and_lines_and_a_click_selects(views: tuple[Any
     box = page.locator(".three-view canvas").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     wait_until(lambda: "chosen" in row.get_attribute("class"))
+
+
+def test_of_very_many_lines_the_3d_view_draws_the_nearest_and_says_so(browser: Any, served: Served) -> None:
+    document = served.get("/api/lines")
+    marking = next(line for line in document["lines"] if line["kind"] == "lane_marking")
+    # 1,000 lines of 99 segments, the first 400 of which are as many as are drawn
+    for k in range(1000):
+        steps = [place / 100.0 for place in range(100)]
+        xyz = [[marking["xyz"][0][0] + step, marking["xyz"][0][1] + 0.1 * k, 0.0] for step in steps]
+        vague = {"sigma_xy_m": [None] * 100, "sigma_z_m": [None] * 100, "bridged": []}
+        document["lines"].append(marking | vague | {"id": f"more {k}", "xyz": xyz})
+    with opened_page(browser, served) as page:
+        page.route("**/api/lines?since=0", lambda route: route.fulfill(json=document))
+        page.reload()
+        three = page.locator(".three-view")
+        wait_until(lambda: int(three.get_attribute("data-lines") or 0) > 300)
+        n_drawn = int(three.get_attribute("data-lines"))
+        assert n_drawn < 420
+        wait_until(lambda: f"the nearest {n_drawn} of 1," in three.locator(".pane-words").inner_text())
 
 
 def test_hidden_views_load_nothing(views: tuple[Any, Served]) -> None:
