@@ -46,6 +46,11 @@ TILES = """
 () => performance.getEntriesByType("resource").filter((entry) => entry.name.includes("/api/tiles/"))
   .map((entry) => entry.duration)
 """
+#: Time from the opening of the page to its first tile [ms]; Infinity: none has come.
+FIRST_TILE = """
+() => Math.min(...performance.getEntriesByType("resource").filter((entry) => entry.name.includes("/api/tiles/"))
+  .map((entry) => entry.responseEnd).filter((end) => end > 0), Infinity)
+"""
 
 
 def main(arguments: tuple[str, ...] = ()) -> None:
@@ -75,6 +80,23 @@ def main(arguments: tuple[str, ...] = ()) -> None:
             tiles = panned(plan, 30)
             print(f"tiles while panning: {len(tiles)}, {_spread([t / 1000 for t in tiles])} (goal 0.15 s)")
             print(f"memory of server and workers: {memory_of(served.process.pid) / 1e9:.2f} GB (goal 1.5 GB)")
+        opened_again(survey, work, Path(name) / "lines.gpkg")
+
+
+def opened_again(survey: Path, work: Path, lines: Path) -> None:
+    """Serve a survey that is decoded already, and say when its page has the first tile."""
+    from tests.workbench import serve_process
+
+    with serve_process.opened_browser() as browser:
+        started_s = time.perf_counter()
+        with serve_process.served_survey(survey, "--work", work, lines=lines) as served:
+            listening_s = time.perf_counter() - started_s
+            with serve_process.opened_page(browser, served) as page:
+                page.wait_for_function(f"() => ({FIRST_TILE})() < Infinity")
+                tile_s = page.evaluate(FIRST_TILE) / 1000
+    print(
+        f"opened again: listening after {listening_s:.1f} s, first tile {tile_s:.1f} s after the page (goal 2 s)"
+    )
 
 
 def parsed(arguments: tuple[str, ...]) -> argparse.Namespace:
