@@ -7,10 +7,15 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import httpx
 from tests.campaign.commands import make_scene
 from tests.campaign.ledger import Step, Trial
+from tests.workbench.follow_talk import talk_with
+
+if TYPE_CHECKING:
+    from tests.workbench.serve_process import Served
 
 MINUTES = 30.0
 #: Memory may be larger in the last quarter than in the second one by this share. The first is for caches to fill.
@@ -21,6 +26,13 @@ FEW_DESCRIPTORS = 8
 PAUSE_S = 0.05
 #: Between two looks at memory and descriptors. [s]
 LOOK_S = 5.0
+#: What is asked for, each as often as it stands here: `Asked` has a method for each.
+REQUESTS = (
+    "lines", "survey", "tile", "tile", "tile", "points", "queue", "draw", "undo", "redo", "bad", "section", "evidence",
+    "snap", "straightened", "heights", "export", "follow",
+)  # fmt: skip
+#: Kinds that can be followed; from a line of another kind the server chooses by the place.
+FOLLOWED = ("lane_marking", "road_boundary", "guardrail", "cable")
 
 
 def trials(folder: Path, share: float) -> Iterator[tuple[str, Callable[[], Trial]]]:
@@ -40,7 +52,7 @@ def soaked(folder: Path, seconds: float) -> Trial:
     shutil.copy(scene.folder / "lines.gpkg", survey / "lines.gpkg")
     trial, looks = Trial(cases=0), []
     with served_survey(survey) as served:
-        asked = Asked(served.client, random.Random(1), trial)
+        asked = Asked(served, random.Random(1), trial)
         end, next_look = time.monotonic() + seconds, 0.0
         while time.monotonic() < end:
             asked.one()
@@ -55,17 +67,16 @@ def soaked(folder: Path, seconds: float) -> Trial:
 class Asked:
     """Requests to a server, drawn at random, and how long their answers took."""
 
-    def __init__(self, client: httpx.Client, chance: random.Random, trial: Trial) -> None:
-        self.client, self.chance, self.trial = client, chance, trial
+    def __init__(self, served: Served, chance: random.Random, trial: Trial) -> None:
+        self.served, self.chance, self.trial = served, chance, trial
+        self.client = served.client
         self.ms: list[float] = []
-        self.survey = client.get("/api/survey").json()
+        self.survey = self.client.get("/api/survey").json()
         self.drawn = 0
 
     def one(self) -> None:
         """Ask for one thing."""
-        what = self.chance.choice(
-            ("lines", "survey", "tile", "tile", "tile", "points", "queue", "draw", "undo", "redo", "bad")
-        )
+        what = self.chance.choice(REQUESTS)
         start = time.perf_counter()
         answer = getattr(self, f"_{what}")()
         self.ms.append(1e3 * (time.perf_counter() - start))
@@ -73,7 +84,7 @@ class Asked:
         self.trial.came[f"{answer.status_code}"] += 1
         if answer.status_code >= 500:
             self.trial.blame("exit 1", f"{what}: {answer.status_code}: {answer.text[:200]}")
-        if what in ("draw", "lines", "survey") and answer.status_code != 200:
+        if what not in ("undo", "redo", "bad", "tile") and answer.status_code != 200:
             self.trial.blame("other faults", f"{what}: {answer.status_code}: {answer.text[:200]}")
 
     def _lines(self) -> httpx.Response:
@@ -100,7 +111,9 @@ class Asked:
 
     def _points(self) -> httpx.Response:
         e, n = self._place()
-        return self.client.get(f"/api/points?west={e - 5}&south={n - 5}&east={e + 5}&north={n + 5}")
+        return self.client.get(
+            f"/api/points?west={e - 5}&south={n - 5}&east={e + 5}&north={n + 5}&most=60000"
+        )
 
     def _draw(self) -> httpx.Response:
         east, north = self._place()
@@ -110,6 +123,60 @@ class Asked:
             "xyz": [[east, north, 100.0], [east + 0.5, north + 1.0, 100.0 + 1e-3 * self.drawn]],
         }  # fmt: skip
         return self.client.post("/api/changes", json={"revision": 0, "edit": order})
+
+    def _line(self) -> tuple[dict[str, Any], tuple[float, float]]:
+        """Return a line, and a place on it."""
+        line = self.chance.choice(self.client.get("/api/lines").json()["lines"])
+        east, north, _ = self.chance.choice(line["xyz"])
+        return line, (east, north)
+
+    def _section(self) -> httpx.Response:
+        _, (east, north) = self._line()
+        query = {"east": east, "north": north, "heading_deg": self.chance.uniform(0, 360), "half_width_m": 6}
+        return self.client.get("/api/section", params=query | {"thickness_m": 0.3})
+
+    def _evidence(self) -> httpx.Response:
+        line, (east, north) = self._line()
+        return self.client.get(
+            "/api/evidence", params={"kind": line["kind"], "east": east, "north": north, "line": line["id"]}
+        )
+
+    def _snap(self) -> httpx.Response:
+        line, (east, north) = self._line()
+        return self.client.get(
+            "/api/snap", params={"kind": line["kind"], "east": east, "north": north, "reach_m": 0.3}
+        )
+
+    def _straightened(self) -> httpx.Response:
+        start = self.chance.uniform(0, 20)
+        query = {"line": "", "from_m": start, "to_m": start + 20, "half_width_m": 5}
+        return self.client.get("/api/straightened", params=query)
+
+    def _heights(self) -> httpx.Response:
+        line, place = self._line()
+        return self.client.post("/api/heights", json={"kind": line["kind"], "places": [place]})
+
+    def _export(self) -> httpx.Response:
+        form = self.chance.choice(("gpkg", "geojson", "dxf", "kml", "landxml"))
+        return self.client.post("/api/export", json={"format": form, "ids": [self._line()[0]["id"]]})
+
+    def _follow(self) -> httpx.Response:
+        """Follow a line from a click, and keep it."""
+        line, place = self._line()
+        kind = line["kind"] if line["kind"] in FOLLOWED else ""
+        with talk_with(self.served) as talk:
+            last = talk.follow(type="pick", at=place, kind=kind)[-1]
+        if last["type"] == "refused":
+            return httpx.Response(200)
+        self.drawn += 1
+        edit = {
+            "action": "keep",
+            "trace": last["trace"],
+            "first": 0,
+            "last": len(last["lines"][0]["xyz"]) - 1,
+        }
+        revision = self.client.get("/api/survey").json()["revision"]
+        return self.client.post("/api/changes", json={"revision": revision, "edit": edit})
 
     def _undo(self) -> httpx.Response:
         return self.client.post("/api/undo", json={})
