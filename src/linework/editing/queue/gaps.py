@@ -155,9 +155,12 @@ def _pieces(lines: LineSet, kind: str, way: DrivenPath, side: float = 0.0) -> _P
     """Return the lines of a kind that run along the trajectory, on one side of it."""
     number, along, left = [], [], []
     length_m = lines.length_m
-    for i in np.flatnonzero(lines.kind == kind).tolist():
-        xyz = lines[i].xyz
-        at, off = way.offsets(xyz[:, :2], WITHIN_M)
+    chosen = np.flatnonzero(lines.kind == kind)
+    own = lines.take(chosen)
+    every_at, every_off = way.offsets(own.xyz[:, :2], WITHIN_M)
+    for k, i in enumerate(chosen.tolist()):
+        part = slice(int(own.offsets[k]), int(own.offsets[k + 1]))
+        xyz, at, off = own.xyz[part], every_at[part], every_off[part]
         near = np.flatnonzero(np.isfinite(at))
         if len(near) < 2 or (side and np.median(off[near]) * side < 0.0):
             continue

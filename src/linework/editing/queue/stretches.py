@@ -106,16 +106,19 @@ def _in_stretches(
     Dashes and tops are checked with their lines; edges beside a boundary are an extra to it.
     """
     n = int(stretch_of_step.max()) + 1
-    wrong_m, n_lines = np.zeros(n), np.zeros(n, dtype=np.int64)
-    expected_m = expected_wrong_m(lines)
-    goes_along = np.isin(lines.kind, REVIEWED_TOGETHER)
-    for i in np.flatnonzero((lines.review == "") & (lines.kind != "edge_other")).tolist():
-        places = line_stations(lines[i].xyz, _STATION_M)
-        step = way.offsets(places, LOOKED_OVER_M)[0]
-        here = stretch_of_step[np.clip(np.rint(step[np.isfinite(step)]).astype(np.int64), 0, len(way) - 1)]
-        count = np.bincount(here[here >= 0], minlength=n)
-        n_lines += (count > 0) & ~goes_along[i]
-        if str(lines.id[i]) not in listed:
-            share = wrong_share(str(lines.kind[i]), str(lines.form[i]))
-            wrong_m += share * expected_m[i] * count / len(places)
-    return wrong_m, n_lines
+    number = np.flatnonzero((lines.review == "") & (lines.kind != "edge_other"))
+    stations = [line_stations(lines[i].xyz, _STATION_M) for i in number.tolist()]
+    # All lines at once: by itself each takes a tenth of a millisecond, and a survey may have 20,000
+    n_stations = np.array([len(places) for places in stations], dtype=np.int64)
+    step = way.offsets(np.concatenate([np.zeros((0, 2)), *stations]), LOOKED_OVER_M)[0]
+    there = np.flatnonzero(np.isfinite(step))
+    here = stretch_of_step[np.clip(np.rint(step[there]).astype(np.int64), 0, len(way) - 1)]
+    line = np.repeat(np.arange(len(number)), n_stations)[there]
+    part, count = np.unique((line * n + here)[here >= 0], return_counts=True)
+    line, here = part // n, part % n
+    n_lines = np.bincount(here[~np.isin(lines.kind[number], REVIEWED_TOGETHER)[line]], minlength=n)
+    share = np.array([wrong_share(str(lines.kind[i]), str(lines.form[i])) for i in number.tolist()])
+    wrong_m = share * expected_wrong_m(lines)[number]
+    wrong_m[np.isin(lines.id[number], list(listed))] = 0.0
+    weights: FloatArray = wrong_m[line] * count / n_stations[line]
+    return np.bincount(here, weights, n).astype(np.float64), n_lines

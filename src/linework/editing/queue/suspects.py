@@ -321,7 +321,9 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
     number = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern != "solid"))
     owner = _line_of_dashes(lines, number)
     found = []
-    for i in number.tolist():
+    may_lack = np.isin(number, owner) | np.isin(lines.id[number], list(paint))
+    may_lack |= (lines.length_m[number] >= LEAST_DASHED_LINE_M) & (lines.pattern[number] == "dashed")
+    for i in number[may_lack].tolist():
         line, dashes = lines.take([i]), lines.take(owner == i)
         missing_m = _lacking_m(line, dashes, paint.get(str(line.id[0])))
         there_m = float(dashes.length_m.sum())
