@@ -10,6 +10,8 @@ import { keyButton } from "../controls/keyboard";
 import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
 
+const LOOKING = "Looking through the lines for what to review …";
+
 export class QueuePane implements Pane {
   readonly element = element("div", { class: "queue-pane" });
   private readonly list = element("ol", { class: "queue", "aria-label": "Review items, most important first" });
@@ -18,6 +20,7 @@ export class QueuePane implements Pane {
   private current = "";
   private initial_m = 0; // the longest total length since the page was opened
   private latest = 0; // number of the newest request; older answers are dropped
+  private isKnown = false; // an answer has come: of many lines it takes seconds
 
   constructor(private readonly app: App, private readonly show: (box: Box) => void) {
     this.element.append(this.progress, this.buttons(), this.list);
@@ -48,9 +51,11 @@ export class QueuePane implements Pane {
 
   private async refresh(): Promise<void> {
     const request = (this.latest += 1);
+    if (!this.isKnown) this.progress.textContent = LOOKING;
     try {
       const items = await api.queue();
       if (request !== this.latest) return;
+      this.isKnown = true;
       this.items = items;
       this.draw();
     } catch (error) {
@@ -59,7 +64,7 @@ export class QueuePane implements Pane {
   }
 
   private step(by: number): void {
-    if (this.items.length === 0) return;
+    if (this.items.length === 0) return this.inform(this.isKnown ? "Nothing left to review." : LOOKING);
     const at = this.items.findIndex(({ key }) => key === this.current);
     const next = at < 0 ? (by > 0 ? 0 : this.items.length - 1) : (at + by + this.items.length) % this.items.length;
     const item = this.items[next];

@@ -75,12 +75,30 @@ def test_the_next_item_does_not_wait_for_the_images_of_the_one_before(browser, s
             route.abort()
 
 
+def test_until_the_queue_is_there_the_page_says_so(browser, served, first_of):
+    items, held = [item_of(first_of("lane_marking"))], []
+    with opened_page(browser, served) as page:
+        page.route("**/api/queue", lambda route: held.append(route))
+        page.reload()
+        plan = PlanPage(page, served)
+        wait_until(lambda: "Looking through" in page.inner_text(".queue-pane .progress"))
+        plan.press("n")
+        wait_until(lambda: "Looking through" in plan.message)
+        for route in held:
+            route.fulfill(json=items)
+        wait_until(lambda: page.get_attribute(".queue-pane", "data-left") == "1")
+        assert "1 to review" in page.inner_text(".queue-pane .progress")
+
+
 def test_when_all_is_settled_nothing_is_shown(browser, served, first_of):
     items = [item_of(first_of("lane_marking"))]
     with queue_of(browser, served, items) as (plan, pane):
         plan.press("n")
         wait_until(lambda: pane.get_attribute("data-key") == items[0]["key"])
-        plan.page.route("**/api/queue", lambda route: route.fulfill(json=[]))
+        # Not before: the page may still ask for the queue as it was
+        plan.page.on(
+            "request", lambda request: items.clear() if request.url.endswith("/api/changes") else None
+        )
         plan.press("q")
         wait_until(lambda: pane.get_attribute("data-key") is None)
         assert "about lane_marking" not in pane.inner_text()
