@@ -60,6 +60,23 @@ def test_accepting_a_dashed_line_accepts_its_dashes(line_file):
     assert np.count_nonzero(dashes.review == "accepted") == 3
 
 
+def test_a_dash_that_was_rejected_by_itself_stays_so_when_its_line_is_accepted(line_file):
+    name = with_dashes(line_file)
+    wrong, *others = line_file.lines["lane_marking_dash"].id.tolist()
+    done(line_file, action="reject", ids=[wrong])
+    done(line_file, action="accept", ids=[name])
+    assert one_of(line_file, wrong).review.tolist() == ["rejected"]
+    assert {one_of(line_file, other).review[0] for other in others} == {"accepted"}
+
+
+def test_dashes_that_were_rejected_with_their_line_are_accepted_with_it(line_file):
+    name = with_dashes(line_file)
+    done(line_file, action="reject", ids=[name])
+    assert set(line_file.lines["lane_marking_dash"].review) == {"rejected"}
+    done(line_file, action="accept", ids=[name])
+    assert set(line_file.lines["lane_marking_dash"].review) == {"accepted"}
+
+
 def test_a_rejected_kerb_takes_its_top_along_and_comes_back(line_file):
     name = longest(line_file, "road_boundary")
     n_tops = np.count_nonzero(line_file.lines.review == "rejected")

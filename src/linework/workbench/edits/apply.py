@@ -103,11 +103,15 @@ def change_of(edit: EditOrder, lines: LineSet, inputs: EditInputs) -> Change:
 
 def _reviewed(edit: ReviewLines, lines: LineSet, _: EditInputs) -> Change:
     review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
-    chosen = with_companions(lines_of(lines, edit.ids), lines)
-    if edit.action == "reject":
-        # What a person decided about a dash or a top by itself stays
-        own = np.isin(chosen.id, np.array(edit.ids))
-        chosen = chosen.take(own | (chosen.review == ""))
+    own = lines_of(lines, edit.ids)
+    chosen = with_companions(own, lines)
+    # What a person decided about a dash or a top by itself stays
+    is_open = np.isin(chosen.id, own.id) | (chosen.review == "")
+    if edit.action != "reject":
+        # Those of a rejected line were rejected with it
+        those = with_companions(own.take(own.review == "rejected"), lines)
+        is_open |= np.isin(chosen.id, those.id) & (chosen.review == "rejected")
+    chosen = chosen.take(is_open)
     return Change(edit.action, chosen, with_review(chosen, review))
 
 
