@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks._review_look import cut_off, look_over
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
 from linework.editing.edits.attributes import with_kind
-from linework.editing.edits.new_lines import foot_along, line_beside
+from linework.editing.edits.new_lines import foot_along, places_beside
 from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import InputError, UsageError
 from linework.model.changes import Change
@@ -271,7 +271,7 @@ class User:
         edit["at"] = [tuple(xyz[k, :2].tolist()) for k in (first, last)]
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit}).edit
         try:
-            places = line_beside(lines.take([best]), kind, np.array(order.at)).xyz
+            places = places_beside(lines.take([best]), kind, np.array(order.at))
             heights = np.column_stack(self.heights(kind, places.tolist()))
             return change_of(order, self.line_file.lines, EditInputs(heights=heights))
         except UsageError:

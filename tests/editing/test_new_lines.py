@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
+from linework.editing.edits.new_lines import line_beside, places_beside, wire_through, with_heights
 from linework.errors import UsageError
 from linework.model.lines import LineSet
 
@@ -61,6 +61,16 @@ def test_it_is_as_high_as_measured_and_ends_where_nothing_was():
     assert placed.sigma_z_m[[0, 1, 5]].tolist() == [0.01, 0.02, 0.03]
     # Without points nobody knows better than the line
     assert with_heights(new, np.zeros((0, 2))).xyz[-1, 2] == pytest.approx(2.0)
+
+
+def test_the_height_of_a_line_tells_only_which_wire_is_meant():
+    at = np.array([[10.0, 0.3], [30.0, 0.3]])
+    for kind, beside in (("guardrail", straight()), ("cable", straight()), ("lane_marking", straight())):
+        places = places_beside(beside, kind, at)
+        assert np.isnan(places[:, 2]).all()
+        assert places[:, :2].tolist() == line_beside(beside, kind, at).xyz[:, :2].tolist()
+    wire = straight().with_columns(kind=np.array(["cable"]))
+    assert places_beside(wire, "cable", at)[-1, 2] == pytest.approx(1.5)
 
 
 def hanging(span=40.0, lowest=16.0, a=250.0):

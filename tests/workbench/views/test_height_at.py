@@ -68,6 +68,13 @@ def test_where_no_kerb_is_its_top_is_the_ground():
     assert kerb_top_height(points)[0] == pytest.approx(0.0, abs=0.003)
 
 
+def test_what_is_higher_than_a_kerb_is_no_top_of_one():
+    rng = np.random.default_rng(8)
+    roof = scene(rng, 400, lambda x, y: 1.0 + 0.0 * x)
+    assert kerb_top_height(roof) is None
+    assert kerb_top_height(np.concatenate([roof, kerb(rng)]))[0] == pytest.approx(0.12, abs=0.008)
+
+
 def test_top_of_a_rail_is_no_stray_point():
     rng = np.random.default_rng(4)
     rail = np.column_stack([np.zeros(60), rng.uniform(-0.3, 0.3, 60), rng.uniform(0.45, 0.75, 60)])

@@ -13,6 +13,7 @@ import pytest
 from shapely import LineString, Point
 from websockets.sync.client import connect
 
+from linework.editing.edits.new_lines import places_beside
 from linework.files.vectors.read_write import read_lines
 from linework.model.grid import Bounds
 from linework.workbench.views import tiles as pictures
@@ -294,6 +295,22 @@ def test_a_line_dragged_aside_keeps_its_level_and_says_how_sure_it_is(session, t
     if kind in ("road_boundary", "kerb_top"):
         assert np.nanmax(np.abs(error)) < 0.15
     assert np.nanquantile(np.abs(error / sigma), 0.95) < 2.5
+
+
+@pytest.mark.parametrize("kind", ["kerb_top", "guardrail"])
+def test_what_stands_is_as_high_as_itself_where_it_is_put_beside_a_boundary(session, truth, kind):
+    """Near the height of the boundary the points show the road, which was taken for a kerb's top, and no rail."""
+    feet, error = truth["road_boundary"], []
+    for line in truth[kind]:
+        end = line.xyz[[0, -1], :2]
+        away = [np.hypot(*(foot.xyz[:, :2] - end.mean(axis=0)).T).min() for foot in feet]
+        at = places_beside(feet.take([int(np.argmin(away))]), kind, end)
+        true = [line.xyz[np.argmin(np.hypot(*(line.xyz[:, :2] - place[:2]).T)), 2] for place in at]
+        error.append(heights_at(session, kind, at.tolist())[0] - true)
+    error_m = np.concatenate(error)
+    assert np.isfinite(error_m).mean() > 0.6
+    assert np.nanmedian(np.abs(error_m)) < 0.02
+    assert np.nanquantile(np.abs(error_m), 0.9) < 0.15
 
 
 def test_far_from_all_points_no_height_is_known(served):

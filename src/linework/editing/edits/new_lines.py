@@ -60,6 +60,27 @@ def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
     return LineSet.from_lines([copy], crs=line.crs, kind=[kind], method=["drawn"])
 
 
+def places_beside(line: LineSet, kind: str, at: FloatArray) -> FloatArray:
+    """Return the places (k, 3) where the height of a line beside another is measured [m, world].
+
+    Parameters
+    ----------
+    line, kind, at
+        As of `line_beside`.
+
+    Returns
+    -------
+    FloatArray
+        With the height of the line where it tells which of several wires is meant; NaN otherwise. A rail stands 0.7 m
+        above the boundary that it is put beside, and roads tilt: near the height of the other line was no rail, and of one
+        of 57 m that the points show from end to end 43 m were left, of another of 67 m 2 m.
+    """
+    places = line_beside(line, kind, at).xyz.copy()
+    if not (kind == "cable" and str(line.kind[0]) == kind):
+        places[:, 2] = np.nan
+    return places
+
+
 def with_heights(line: LineSet, heights: FloatArray) -> LineSet:
     """Return a line with measured heights.
 

@@ -10,7 +10,7 @@ import asyncio
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.new_lines import line_beside
+from linework.editing.edits.new_lines import places_beside
 from linework.errors import UsageError
 from linework.lines.companions import MEDIAN_KINDS
 from linework.workbench.edits.apply import EditInputs
@@ -120,7 +120,8 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):
-        places = line_beside(lines_of(app_state.line_file.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
+        line = lines_of(app_state.line_file.lines, [edit.id])
+        places = places_beside(line, edit.kind, np.array(edit.at))
         heights = await app_state.pictures.ask(
             "linework.workbench.views.heights:heights_at", edit.kind, places.tolist()
         )

@@ -69,7 +69,11 @@ def ground_height(points: FloatArray) -> Height | None:
 
 
 def kerb_top_height(points: FloatArray) -> Height | None:
-    """Return the height of the top of a step in points (n, 4); of the ground where there is no step."""
+    """Return the height of the top of a step in points (n, 4); of the ground where there is no step.
+
+    Cars beside a kerb, and wires above it, are higher than a kerb.
+    """
+    points = points[~(np.abs(points[:, 3]) > KERB_M[1])]
     if len(points) < LEAST:
         return None
     level = _level(points)
