@@ -75,7 +75,7 @@ class Errors:
 
 def matched(lines, truth, kind):
     """Pieces of the lines and of the truth of one kind: their `Match`, which are right, which found."""
-    origin = np.floor(truth.xyz.min(axis=0))
+    origin = _origin(lines, truth)
     n_dims = 3 if kind == "cable" else 2
     e, r = (Chains.of(some[kind], origin, n_dims) for some in (lines, truth))
     match = match_chains(e, r, 0.5)
@@ -84,6 +84,12 @@ def matched(lines, truth, kind):
         match.e_nearest.distance_m <= WITHIN_M + TIE_M,
         match.r_nearest.distance_m <= WITHIN_M + TIE_M,
     )
+
+
+def _origin(lines, truth):
+    """South-west corner of the truth, rounded; of the lines where no line is right, as in a forest. [m]"""
+    xyz = truth.xyz if len(truth.xyz) else lines.xyz
+    return np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
 
 
 def errors_of(lines, truth):
@@ -116,7 +122,9 @@ def missing_runs(lines, truth, kind, box, *, least_m=1.0, whole=False, beyond=Fa
     there = lines.take(lines.review != "rejected").with_columns(crs=truth.crs)
     match, _, is_found = matched(there, truth, kind)
     pieces = match.r_pieces
-    xyz = pieces.xyz + np.floor(truth.xyz.min(axis=0))
+    if len(pieces) == 0:
+        return []
+    xyz = pieces.xyz + _origin(there, truth)
     inside = (
         (xyz[:, 0] >= box.west)
         & (xyz[:, 0] <= box.east)
