@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import platform
 import threading
 from pathlib import Path
 
@@ -48,6 +49,17 @@ def test_requests_run_one_after_the_other():
         return await asyncio.gather(*(worker.ask(requests.add, i, 1) for i in range(20)))
 
     assert in_worker(scene) == list(range(1, 21))
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="malloc_trim is glibc's")
+def test_an_idle_worker_gives_freed_memory_back():
+    async def scene(worker):
+        held = await worker.ask(requests.free_memory)
+        while requests.resident_bytes(worker.pid) > held - 150_000_000:
+            await asyncio.sleep(0.05)
+        return await worker.ask(requests.add, 1, 2)
+
+    assert in_worker(scene) == 3
 
 
 @pytest.mark.parametrize("died", [False, True])

@@ -2,6 +2,7 @@
 
 import os
 import time
+from pathlib import Path
 
 from linework.errors import InputError
 
@@ -45,6 +46,20 @@ def report_then_sleep(session, seconds):
     """Report one value and then nothing, without a ``yield`` at which it could be cancelled."""
     session.report("begun")
     time.sleep(seconds)
+
+
+def free_memory(session):
+    """Free 200 MB below memory that stays in use; return what the process holds then. [bytes]"""
+    blocks = [bytearray(b"x" * 100_000) for _ in range(2000)]
+    above = blocks.pop()
+    session.keep("above", lambda: above)
+    del blocks
+    return resident_bytes(os.getpid())
+
+
+def resident_bytes(pid):
+    """Return the memory that a process holds."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def kept(session):

@@ -1,7 +1,8 @@
 """What operating systems do differently for processes: limits, ending with the parent, whether one runs.
 
-The only file that uses the module `resource` and prctl(2). Where a system has neither, nothing limits the memory of a
-child, and a thread of the child watches for the end of its parent.
+The only file that uses the module `resource`, prctl(2) and malloc_trim(3). Where a system has none of them, nothing
+limits the memory of a child, a thread of the child watches for the end of its parent, and what is freed may stay with the
+process.
 """
 
 from __future__ import annotations
@@ -74,6 +75,14 @@ def end_on_second(number: int) -> None:
         function.argtypes, function.restype = (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
     # That of Python, which is in C. System V's signal(2) lets a handler serve once
     libc.sysv_signal(number, libc.signal(number, None))
+
+
+def release_free_memory() -> None:
+    """Give memory that was freed back to the system (Linux with glibc only): it keeps what lies below memory in use."""
+    libc = ctypes.CDLL(None) if _ENDS_WITH_PARENT else None
+    if hasattr(libc, "malloc_trim"):
+        assert libc is not None
+        libc.malloc_trim(0)
 
 
 def give_way(niceness: int) -> None:

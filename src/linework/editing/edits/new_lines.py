@@ -8,7 +8,6 @@ from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.attributes import check_line_kind
 from linework.editing.edits.vertices import line_of_vertices
 from linework.errors import UsageError
-from linework.lines.catenary import fit_catenary
 from linework.model.lines import LineSet
 
 #: Largest offset between lines of one road. [m]
@@ -135,6 +134,8 @@ def wire_through(xyz: FloatArray, crs: str) -> LineSet:
     UsageError
         The places are not those of one span.
     """
+    from linework.lines.catenary import fit_catenary  # 70 MB of numba, and few edits hang a wire
+
     order = np.argsort((xyz[:, :2] - xyz[0, :2]) @ _widest(xyz), kind="stable")
     start, middle, end = xyz[order]
     way = end[:2] - start[:2]

@@ -8,8 +8,6 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import UsageError
-from linework.kernels.tracking.smooth import smooth_height, smooth_plane
-from linework.kernels.tracking.track import CLOTHOID_M, STRAIGHT_RADIUS_M, TIGHTEST_M
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Two vertices nearer than this are one place. [m]
@@ -183,6 +181,8 @@ def smooth_by_sigmas(line: LineSet) -> LineSet:
         raise UsageError(
             "the line has no vertex between its ends", where="smooth", advice="insert one, or follow the line"
         )
+    from linework.kernels.tracking.smooth import smooth_height  # 70 MB of numba, and few edits smooth
+
     step = np.hypot(*np.diff(line.xyz[:, :2], axis=0).T)
     t = np.r_[0.0, np.cumsum(np.maximum(step, _STEP_M))]
     origin = line.xyz[0]
@@ -199,6 +199,9 @@ def smooth_by_sigmas(line: LineSet) -> LineSet:
 
 def _smooth_plan(t: FloatArray, xy: FloatArray, variance: FloatArray) -> FloatArray:
     """Return (n, 2) places smoothed along a line."""
+    from linework.kernels.tracking.smooth import smooth_plane
+    from linework.kernels.tracking.track import CLOTHOID_M, STRAIGHT_RADIUS_M, TIGHTEST_M
+
     curvature = np.full(len(t), 1.0 / 50.0)
     states = np.zeros((len(t), 3, 2))
     for _ in range(2):
