@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,16 @@ from linework.model.changes import Change
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.workbench.edits.orders import ChangeOrder
-from linework.workbench.review.queue import MOST_ITEMS, Dismissed, ReviewQueue, queue_item, queue_items
+from linework.workbench.review.queue import (
+    MOST_ITEMS,
+    Dismissed,
+    ReviewQueue,
+    found_in_parts,
+    queue_item,
+    queue_items,
+)
 from linework.workbench.review.suspects import suspects
+from linework.workbench.worker.process import worker_function
 
 PATH = np.column_stack([np.arange(0.0, 200.0), np.zeros(200), np.zeros(200)])
 
@@ -69,6 +78,38 @@ def test_the_queue_is_found_once_for_a_revision(line_file):
     say(line_file, "reject", line, line.with_columns(review=np.array(["rejected"])))
     assert unsure not in keys(queue)
     assert find.n == 2
+
+
+def test_a_worker_is_asked_part_by_part_for_the_same_items():
+    """Pictures wait for a request that the worker runs: what takes longest is not one."""
+    lines = LineSet.concatenate(
+        [
+            marking(0, 100, id=["a"]),
+            marking(110, 200, id=["b"]),
+            marking(50, 60, id=["c"], confidence=[0.2]),
+            marking(0, 70, id=["d"]).with_columns(kind=np.array(["guardrail"])),
+        ]
+    )
+    given = {
+        "path": DrivenPath.of(PATH),
+        "sight": everywhere,
+        "paint of lines": SimpleNamespace(of=lambda *_: {}),
+    }
+    session, asked = SimpleNamespace(keep=lambda name, _: given[name]), []
+
+    async def ask(function, *arguments):
+        asked.append(arguments[1])
+        return worker_function(function)(session, *arguments)
+
+    whole = suspects(lines, given["path"], everywhere, {})
+    assert {"copy", "gap", "stretch"} <= {suspect.type for suspect in whole}
+    dismissed = frozenset(suspect.key for suspect in whole if suspect.type == "copy")
+    for settled in (frozenset(), dismissed):
+        asked.clear()
+        found = asyncio.run(found_in_parts(ask, lines, settled))
+        assert found == suspects(lines, given["path"], everywhere, {}, settled)
+        # Copies of two kinds, lines, gaps, wires, dashes, and that there is no more
+        assert asked[:-1] == list(range(7))
 
 
 def test_what_is_dismissed_stays_away_until_that_is_undone(line_file):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Awaitable, Callable, Container, Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter, Request
@@ -17,8 +19,9 @@ from linework.workbench.server.documents import Document
 if TYPE_CHECKING:
     from linework.editing.queue.suspects import Suspect
 
-#: Function of the worker that finds what is listed.
-SUSPECTS = "linework.workbench.review.suspects:suspects_in_worker"
+#: Functions of the worker that find what is listed, part by part, and rank it.
+SUSPECTS_OF_PART = "linework.workbench.review.suspects:suspects_of_part"
+RANKED = "linework.workbench.review.suspects:ranked_in_worker"
 #: Start of the action of an edit that dismisses a suspect; its key follows.
 DISMISS = "dismiss "
 #: Longest queue that is shown: more than a person settles in a day.
@@ -60,10 +63,23 @@ async def get_queue(request: Request, app_state: CurrentState) -> list[QueueItem
     kept: ReviewQueue | None = getattr(request.app.state, "queue", None)
     if kept is None:
         kept = request.app.state.queue = ReviewQueue(
-            app_state.line_file,
-            lambda lines, dismissed: app_state.pictures.ask(SUSPECTS, lines, dismissed),
+            app_state.line_file, partial(found_in_parts, app_state.pictures.ask)
         )
     return await kept.items()
+
+
+async def found_in_parts(
+    ask: Callable[..., Awaitable[Any]], lines: LineSet, dismissed: frozenset[str]
+) -> Sequence[Suspect]:
+    """Return the suspects that a worker finds, asked for part by part: it makes pictures, too, which go between."""
+    found: list[Suspect] = []
+    for part in itertools.count():
+        some = await ask(SUSPECTS_OF_PART, lines, part, dismissed)
+        if some is None:
+            break
+        found += some
+    ranked: Sequence[Suspect] = await ask(RANKED, lines, found)
+    return ranked
 
 
 class ReviewQueue:
