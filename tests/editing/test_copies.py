@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from linework.editing.queue import copies
 from linework.editing.queue.copies import copied_lines
 from linework.lines.along import DrivenPath
 from linework.model.lines import LineSet
@@ -120,7 +121,7 @@ def test_of_equal_lengths_the_nearer_line_counts():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_many_lines_are_compared_as_each_two_are(seed):
+def test_many_lines_are_compared_as_each_two_are(seed, monkeypatch):
     """What sorts out pairs beforehand loses none: lines that cross, meet, and run along each other with turns."""
     rng = np.random.default_rng(seed)
     lines = both(
@@ -130,10 +131,11 @@ def test_many_lines_are_compared_as_each_two_are(seed):
             for k, start in enumerate(rng.uniform(0.0, 60.0, 40))
         )
     )  # fmt: skip
-    best = {}
-    for i in range(len(lines)):
-        for j in range(i):
-            for item in copied_lines(lines.take([j, i])):
-                best[item.ids] = max(best.get(item.ids, 0.0), item.length_m)
-    assert 10 < len(best) < len(lines)
-    assert {item.ids: item.length_m for item in copied_lines(lines)} == best
+    found = {item.ids: (item.length_m, item.reason) for item in copied_lines(lines)}
+    every = np.array([(i, j) for j in range(len(lines)) for i in range(j)]).T
+    monkeypatch.setattr(copies, "_near_pairs", lambda plan, reach_m: every)
+    monkeypatch.setattr(
+        copies, "_long_beside", lambda plan, stations, pairs, limit_m, least_m: np.arange(len(limit_m))
+    )
+    assert 10 < len(found) < len(lines)
+    assert {item.ids: (item.length_m, item.reason) for item in copied_lines(lines)} == found

@@ -151,8 +151,9 @@ def test_a_killed_run_goes_on_with_the_turns_that_are_levelled(tmp_path):
 def kerbs_in_place_m(lines):
     """Return the length of kerb found within 0.1 m of the kerbs of the street."""
     kerbs = [line.xyz for line in lines if line.form == "kerb"]
-    off = [np.abs(np.abs(xyz[:, 1] - 5_800_000.0) - KERB_Y_M) for xyz in kerbs]
-    return sum(float(np.ptp(xyz[:, 0])) for xyz, far in zip(kerbs, off, strict=True) if far.max() < 0.1)
+    near = [np.abs(np.abs(xyz[:, 1] - 5_800_000.0) - KERB_Y_M) < 0.1 for xyz in kerbs]
+    step = [np.abs(np.diff(xyz[:, 0])) for xyz in kerbs]
+    return sum(float(d[ok[1:] & ok[:-1]].sum()) for d, ok in zip(step, near, strict=True))
 
 
 def test_levelled_turns_show_more_of_the_kerbs_than_their_sum(tmp_path):

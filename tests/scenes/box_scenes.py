@@ -45,6 +45,7 @@ def boxes_on(*courses, noise=0.01, seed=0, form=BoxForm.STRIPE, keep=1.0, z=0.0,
         form=np.full(n, form),
         height_m=0.12 + 0.003 * rng.normal(size=n) if is_kerb else np.full(n, np.nan),
         top_v_m=np.full(n, -0.03 if is_kerb else np.nan),
+        rougher=np.full(n, 1.0 if is_kerb else np.nan),
     )
 
 

@@ -77,6 +77,13 @@ def test_dashes_that_were_rejected_with_their_line_are_accepted_with_it(line_fil
     assert set(line_file.lines["lane_marking_dash"].review) == {"accepted"}
 
 
+def test_dashes_follow_their_line_through_accepting_rejecting_and_restoring(line_file):
+    name = with_dashes(line_file)
+    for action, review in (("accept", "accepted"), ("reject", "rejected"), ("restore", "")):
+        done(line_file, action=action, ids=[name])
+        assert set(line_file.lines["lane_marking_dash"].review) == {review}
+
+
 def test_a_rejected_kerb_takes_its_top_along_and_comes_back(line_file):
     name = longest(line_file, "road_boundary")
     n_tops = np.count_nonzero(line_file.lines.review == "rejected")

@@ -64,7 +64,7 @@ class BoxSet(Columns):
         brightness alone, that of its outer side over that of its inner one; NaN for other boundaries.
     rougher
         (n,) float64 [ratio]: noise of the ground above a kerb's step over that of the floor below it, so the scanner's
-        noise and the survey's own roughness cancel; NaN for other forms.
+        noise and the survey's own roughness cancel; NaN where noise drowns what tells stone from soil, and for other forms.
     uneven_m2, uneven_right_m2
         (n,) float64 [m2]: variance of the ground's own unevenness on the left and on the right of a boundary, over some
         metres and beyond the noise of the points, which may make it negative; NaN where it is not known and for kerbs.

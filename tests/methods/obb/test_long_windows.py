@@ -152,7 +152,7 @@ def test_a_long_step_rises_in_both_halves_of_its_window():
 def test_the_floor_of_a_long_window_is_as_even_as_the_smoothest_around():
     u, v, noise = few_points(np.random.default_rng(0), per_m2=40, noise_m=1.0)
     # Asphalt, gravel from v = 1 m to the step, and grass behind it
-    h = np.where(v < 0, 0.10, 0.0) + noise * np.where(v > 1.0, 0.004, 0.012)
+    h = np.where(v < 0, 0.10, 0.0) + noise * np.where(v > 1.0, 0.004, 0.015)
     looked = Looked(u, v, h)
     places = [(at_u, at_v) for at_u in np.arange(10.25, 20.0, 1.0) for at_v in (-0.25, 0.25)]
     found = [looked.at(place).in_window(4.0) for place in places]

@@ -69,9 +69,8 @@ from linework.kernels.cells.surroundings import fit_surroundings
 
 #: Edges of no larger score, by brightness alone, are sought as changes of the ground too.
 UNSURE_EDGE = 0.5
-#: Noise of a floor over that of the smoothest facet around: of a hundred facets of nine points, the smoothest has half of
-#: the noise of them all.
-SMOOTHEST_SHARE = 2.0
+#: Noise of a floor over that of the smoothest floor around, at most, under scanners whose noise is larger than the limit.
+NOISIEST_SHARE = 1.8
 #: Smallest share of floor among the cells about a pavement's edge.
 LEAST_FLOOR_SHARE = 0.15
 
@@ -81,7 +80,7 @@ def limits_at(data: FloorCells, place: tuple[float, float], usual: float, limits
     """Return the limits at a place: at the road, a floor may be as noisy as the scanner makes its smoothest parts."""
     if not data.near_road[box_cell_at(data.span, place[0], place[1])]:
         return limits
-    most = max(limits.most_noise, SMOOTHEST_SHARE * usual)
+    most = max(limits.most_noise, NOISIEST_SHARE * usual)
     return FloorLimits(limits.least_step, limits.steepest, limits.highest_step, most, limits.is_vertical)
 
 

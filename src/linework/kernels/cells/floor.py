@@ -18,6 +18,9 @@ FINE_M = 0.25
 FACET_POINTS, FACET_RINGS = 9, 3
 #: Reach of the search for the smoothest facet around: 3 m. [cells of two fine ones]
 FACETS_AROUND = 6
+#: Of the facets of an even surface within that reach, some forty of 1 m that share no points, the smoothest lies this many
+#: standard deviations below their mean, as often farther as nearer.
+_SMOOTHEST_DEVIATION = 2.13
 #: Column number of a point that belongs to no cell.
 NO_CELL = -(2**62)
 #: A scan line alone spans no plane: its points spread less than 2 cm to its sides. [m2]
@@ -27,7 +30,7 @@ _LEAST_SPREAD_M2 = 4e-4
 SUM_N, SUM_X, SUM_Y, SUM_Z, SUM_XX, SUM_XY, SUM_YY, SUM_XZ, SUM_YZ, SUM_ZZ, SUM_STRENGTH = range(11)
 #: Number of these columns; the plane of a facet needs all but the last.
 SUM_COLUMNS, _PLANE_SUMS = 11, 10
-#: Columns of a facet: points, height [m], slopes east and north, rms distance [m], that of the smoothest around [m].
+#: Columns of a facet: points, height [m], slopes east and north, rms distance [m], noise of the smoothest around [m].
 FACET_N, FACET_HEIGHT, FACET_EAST, FACET_NORTH, FACET_RMS, FACET_SMOOTHEST = range(6)
 #: Number of these columns.
 FACET_COLUMNS = 6
@@ -299,13 +302,16 @@ def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
-    """Write the last column of the facets: the least rms distance within `FACETS_AROUND` cells."""
+    """Write the last column of the facets: the noise of the smoothest floor within `FACETS_AROUND` cells.
+
+    The smoothest of many facets is smoother than their floor, the more by chance, the fewer points it has.
+    """
     least = np.full((n_rows, n_cols), np.inf)
     for r in range(n_rows):
         for c in range(n_cols):
             if facets[r * n_cols + c, FACET_N] == 0.0:
                 continue
-            rms = facets[r * n_cols + c, FACET_RMS]
+            rms = facets[r * n_cols + c, FACET_RMS] / _share_of_smoothest(facets[r * n_cols + c, FACET_N])
             for j in range(max(c - FACETS_AROUND, 0), min(c + FACETS_AROUND + 1, n_cols)):
                 least[r, j] = min(least[r, j], rms)
     for r in range(n_rows):
@@ -316,6 +322,17 @@ def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
                 facets[at, FACET_SMOOTHEST] = (
                     least[i, c] if is_first else min(facets[at, FACET_SMOOTHEST], least[i, c])
                 )
+
+
+@njit(cache=True, nogil=True)
+def _share_of_smoothest(n: float) -> float:
+    """Return the rms distance of the smoothest of many facets of `n` points over the noise of their floor.
+
+    The square of a facet's rms distance is a chi-squared variable over its n - 3 degrees of freedom, here after
+    E. B. Wilson and M. M. Hilferty, The distribution of chi-square, 1931, doi:10.1073/pnas.17.12.684.
+    """
+    spread = 2.0 / (9.0 * max(n - 3.0, 1.0))
+    return float(max(1.0 - spread - _SMOOTHEST_DEVIATION * np.sqrt(spread), 0.1) ** 1.5)
 
 
 @njit(cache=True, nogil=True)

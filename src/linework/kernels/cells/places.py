@@ -42,7 +42,11 @@ AREA_POINTS = 60
 
 #: Noise of a floor against the smoothest around it, at most [ratio]: a rough spot or a far scanner adds to it. Noise
 #: that any floor may have: fresh asphalt under a fair scanner [m].
-ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
+ROUGHER_FLOOR, SMOOTH_FLOOR_M = 2.75, 0.006
+
+#: Noise of a floor over that of the smoothest floor around: a scanner is as much noisier some metres farther away, where it
+#: grazes the road, or where strips overlap.
+NOISIER_SHARE = 1.5
 
 #: Most points of a place over the usual number: dense surveys have no more of them there, and time goes with them.
 MOST_MORE_POINTS = 8
@@ -87,7 +91,7 @@ def floor_near(
     Returns
     -------
     noise, usual
-        Rms distance of the facet, negative without any, and that of the smoothest facets around. [m]
+        Rms distance of the facet, negative without any, and noise of the smoothest floor around. [m]
     """
     best, noise, usual, is_floor = 1e9, -1.0, 0.0, False
     n_cols, n_rows = span[SPAN_COLS] // 2, span[SPAN_ROWS] // 2
@@ -139,6 +143,12 @@ def points_in_noise(scanner: float, most: int) -> int:
 def is_rougher(rough: float, smooth: float) -> bool:
     """Return whether one surface is rougher than another [m] by what grass and soil are."""
     return bool(rough**2 - smooth**2 > GRASS_M**2)
+
+
+@njit(cache=True, nogil=True)
+def is_no_pavement(noise: float, usual: float) -> bool:
+    """Return whether a floor is rougher [m] than `NOISIER_SHARE` of the smoothest around by what grass and soil are."""
+    return is_rougher(noise, NOISIER_SHARE * usual)
 
 
 @njit(cache=True, nogil=True)

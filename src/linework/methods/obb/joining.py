@@ -6,15 +6,14 @@ Each step is a function from `Joining` to `Joining`, so that `Obb.join` runs the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.kernels.boundaries.change_boxes import GAIN_SCALE
 from linework.kernels.cells.places import BOX_CELL_M
+from linework.methods.obb.boundary_evidence import evidence_of, has_dashes_behind, may_be_bank, shade_of
 from linework.methods.obb.candidates import (
     BEHIND,
     EVEN,
@@ -208,7 +207,7 @@ def face_the_road(now: Joining) -> Joining:
 
 def find_paint(now: Joining) -> Joining:
     """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
-    kerbs, config = axes_of_lines(now.kerbs), now.config
+    kerbs, config = axes_of_lines(_of_stone(now.kerbs)), now.config
     # A stripe that reaches to the foot lies on gutter or kerb stone, however far in front its middle is
     reach_m = now.boxes[BoxForm.STRIPE].half_v_m + ON_FOOT_M
     on_stone = {
@@ -265,33 +264,34 @@ def _without_strips(
 def keep_consistent(now: Joining) -> Joining:
     """Drop lines that contradict others: markings off the carriageway, boundaries of none, pieces of other lines."""
     path = now.path
-    why = ends_of_carriageway(now)
-    changes = [*now.channels, *now.changes]
-    edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(changes, "road_boundary", why)
+    why, n = ends_of_carriageway(now), len(now.boundaries)
+    boundaries = [*now.boundaries, *now.channels, *now.changes]
+    edges = left_out(now.beside, "road_boundary", KERB_BED) + left_out(boundaries, "road_boundary", why)
     edges += left_out(now.open_land, "road_boundary", OPEN_LAND)
-    known, n_channels = len(now.boundaries), np.count_nonzero(why[: len(now.channels)] == "")
-    changes = [line for line, reason in zip(changes, why, strict=True) if not reason]
-    boundaries = [*now.boundaries, *changes]
+    known, n_channels = (np.count_nonzero(part == "") for part in (why[:n], why[n : n + len(now.channels)]))
+    boundaries = [line for line, reason in zip(boundaries, why, strict=True) if not reason]
     is_change = np.arange(len(boundaries)) >= known
     is_channel = is_change & (np.arange(len(boundaries)) < known + n_channels)
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
     is_sure = is_kerb | np.array(
-        [b.confidence >= SURE and _shade(b) == 0 for b in boundaries], dtype=np.bool_
+        [b.confidence >= SURE and shade_of(b) == 0 for b in boundaries], dtype=np.bool_
     )
     # A channel alone takes no paint, nor does that on its gutter stones take it: what is farther behind was weighed
     takes_paint = is_sure & ~is_channel
     channels = axes_of_lines([b for b, yes in zip(boundaries, is_channel, strict=True) if yes])
-    takes_paint[is_channel] = has_footway_behind(channels, axes_of_lines(now.boundaries))
+    takes_paint[is_channel] = has_footway_behind(channels, axes_of_lines(boundaries[:known]))
     is_sure |= is_channel
     # There is paint on both sides of a line between two kerbs
     is_sure &= ~between_kerbs(axes_of_lines(boundaries), is_kerb)
-    # Behind a kerb there is no carriageway over some width; behind an edge there may be another one, but not close
-    # behind; and a change of the ground has a stone beside it at most
-    width_m = np.where(is_kerb, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
-    # What bounds no carriageway, whatever paint there is, does not say what is behind one
-    why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, axes_of_lines(now.markings), path)
-    bounds = is_sure & (why == "")
+    # Behind a kerb there is no carriageway over some width but where it is a median's; behind an edge, and what may be a
+    # bank, there may be another one, but not close behind; and a change of the ground has a stone beside it at most
     lanes = axes_of_lines(now.markings)
+    has_yard = is_kerb & ~has_dashes_behind(axes_of_lines(boundaries), now.markings, lanes)
+    has_yard &= ~np.array([may_be_bank(b) for b in boundaries], dtype=np.bool_)
+    width_m = np.where(has_yard, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
+    # What bounds no carriageway, whatever paint there is, does not say what is behind one
+    why = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, lanes, path)
+    bounds = is_sure & (why == "")
     behind, is_stone = (
         behind_boundaries(
             lanes, axes_of_lines([b for b, yes in zip(boundaries, which, strict=True) if yes]), width_m[which]
@@ -343,7 +343,7 @@ def with_parallel_edges(now: Joining, edges: Sequence[Candidate]) -> Joining:
     # What is inside the carriageway, and strips of it, have no role outside of it
     has_place = np.array([edge.reason in MAY_HAVE_ROLE for edge in edges], dtype=np.bool_)
     is_wall = np.array([line.form == "barrier" for line in lines], dtype=np.bool_)
-    evidence = np.array([_evidence(line) for line in lines])
+    evidence = np.array([evidence_of(line) for line in lines])
     height_m = np.array([np.median(line.height_m) for line in lines])
     is_kerb = np.array([b.form == "kerb" for b in now.boundaries], dtype=np.bool_)
     axes = axes_of_lines(lines)
@@ -358,37 +358,25 @@ def with_parallel_edges(now: Joining, edges: Sequence[Candidate]) -> Joining:
 
 
 def ends_of_carriageway(now: Joining) -> AnyArray:
-    """Return why channels and changes of the ground are not ends of the carriageway, (k,) str; "" for those that are."""
+    """Return why boundaries, channels and changes of the ground are not ends of the carriageway, (m,) str; "" for ends.
+
+    Boundaries are, but for steps that may be banks and have an edge with more evidence in front of them.
+    """
     lines = [*now.boundaries, *now.channels, *now.changes]
-    known = np.arange(len(lines)) < len(now.boundaries)
-    evidence = np.array([_evidence(line) for line in lines])
+    is_boundary = np.arange(len(lines)) < len(now.boundaries)
+    is_bank = np.array([may_be_bank(line) for line in lines], dtype=np.bool_)
+    known = is_boundary & ~is_bank
+    evidence = np.array([evidence_of(line) for line in lines])
     axes = axes_of_lines(lines)
-    shades = np.array([_shade(line) for line in lines], dtype=np.int64)
-    is_channel = ~known & (np.arange(len(lines)) < len(now.boundaries) + len(now.channels))
+    shades = np.array([shade_of(line) for line in lines], dtype=np.int64)
+    is_channel = ~is_boundary & (np.arange(len(lines)) < len(now.boundaries) + len(now.channels))
     lanes = axes_of_lines(now.markings)
     # What carriageway lies on both sides of ends none, and outweighs nothing
     is_inside = is_channel.copy()
     is_inside[is_channel] = within_carriageway([axes[i] for i in np.flatnonzero(is_channel)], lanes, now.path)
     evidence[is_inside] = 0.0
-    why = outweighed(axes, evidence, shades, known, is_channel, lanes, now.path)
-    return np.where(is_inside, DRIVEN_OVER, why)[~known]
-
-
-def _evidence(line: SmoothBoundary) -> float:
-    """Return the log-likelihood that a boundary is one, over all its boxes; that of kerbs is not weighed."""
-    if line.form == "kerb":
-        return math.inf
-    if line.form == "barrier":
-        return 0.0
-    score = line.scores
-    return float(-GAIN_SCALE * np.sum(np.log1p(-np.minimum(score, 1.0 - 1e-6))))
-
-
-def _shade(line: SmoothBoundary) -> int:
-    """Return +1 where a boundary is a change of brightness alone, brighter outside, -1 where it is darker, else 0."""
-    contrast = line.contrasts
-    alone = np.isfinite(contrast)
-    return int(np.sign(np.median(np.log(contrast[alone])))) if 2 * np.count_nonzero(alone) > len(alone) else 0
+    why = outweighed(axes, evidence, shades, known, is_channel, is_bank, lanes, now.path)
+    return np.where(is_inside, DRIVEN_OVER, why)
 
 
 def line_set(now: Joining) -> LineSet:
@@ -427,11 +415,16 @@ def axes_of_lines(lines: Sequence[SmoothMarking] | Sequence[SmoothBoundary]) -> 
 def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
     """Track the boxes of one form, without those beside a kerb."""
     boxes = now.boxes[form]
-    beside = beside_kerb(boxes, axes_of_lines(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
+    beside = beside_kerb(boxes, axes_of_lines(_of_stone(now.kerbs)), -KERB_SIDE_M, KERB_SIDE_M)
     now, beds = _boundaries(now, boxes.take(beside))
     now = replace(now, beside=[*now.beside, *beds])
     now, found = _boundaries(now, boxes.take(~beside))
     return replace(now, boundaries=[*now.boundaries, *found])
+
+
+def _of_stone(kerbs: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:
+    """Return the kerbs that are no banks: of gutter, stone and bed, so that nothing else is measured close beside them."""
+    return [kerb for kerb in kerbs if not may_be_bank(kerb)]
 
 
 def _boundaries(now: Joining, boxes: BoxSet) -> tuple[Joining, list[SmoothBoundary]]:

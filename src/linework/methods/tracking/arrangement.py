@@ -89,6 +89,7 @@ def outweighed(
     shades: IntArray,
     is_known: BoolArray,
     is_channel: BoolArray,
+    is_bank: BoolArray,
     lanes: Sequence[LineAxis],
     path: Sequence[LineAxis],
 ) -> AnyArray:
@@ -106,8 +107,9 @@ def outweighed(
         (m,) log-likelihood that the line is one, in all; inf: it cannot be outweighed.
     shades
         (m,) +1 where the line is a change of brightness alone, brighter outside, -1 where it is darker, 0 for others.
-    is_known, is_channel
-        (m,) bool: boundaries that are known, which stay; and channels, which yield to all but backs of footways.
+    is_known, is_channel, is_bank
+        (m,) bool: boundaries that are known, which stay; channels, which yield to all but backs of footways; and steps that
+        may be banks of a verge, which yield to what lies in front of them.
     lanes, path
         Axes of markings and of the vehicle's path.
     """
@@ -124,7 +126,7 @@ def outweighed(
     why[(why == "") & (share_of_stations(n, strip, every)[:m] > _SOME)] = STRIP
     # Grass, soil and stone are brighter than asphalt
     why[(why == "") & (shades < 0)] = DARKER
-    why[is_known] = ""
+    why[is_known | is_bank] = ""
     # Those that weigh most first; brightness or a channel alone weighs less than any boundary that is known
     weighs = np.append(evidence > 0.0, np.zeros(len(every) - m, dtype=np.bool_))
     known = np.append(is_known, np.zeros(len(every) - m, dtype=np.bool_)) & weighs
@@ -134,6 +136,7 @@ def outweighed(
     for i in np.lexsort((np.arange(m), -evidence)).tolist():
         stronger = (is_stronger | known) if shades[i] or is_channel[i] else is_stronger
         rival = (n.line == i) & (faces if is_channel[i] else facing) & stronger[n.other]
+        rival &= ~is_bank[i] | (n.across_m > 0.0)
         if not why[i] and not is_known[i] and share_of_stations(n, rival, every)[i] > _SOME:
             why[i] = OUTWEIGHED
         is_stronger[i] = not why[i] and weighs[i]

@@ -212,13 +212,13 @@ def form_by_ground(boundary: SmoothBoundary) -> SmoothBoundary:
 
     Notes
     -----
-    By the median over its boxes of the noise behind the step over that before it: a kerb has stone or paving behind
-    it, as smooth as the carriageway, a verge is rough whatever its height.
+    By the median over its boxes of the noise behind the step over that before it, if most tell it: a kerb has stone or
+    paving behind it, as smooth as the carriageway, a verge is rough whatever its height.
     """
     measured = boundary.rougher[np.isfinite(boundary.rougher)]
-    if boundary.form != FORMS[BoxForm.KERB] or len(measured) == 0 or np.median(measured) < ROUGH_BEHIND:
-        return boundary
-    return replace(boundary, form=FORMS[BoxForm.EDGE])
+    is_known = boundary.form == FORMS[BoxForm.KERB] and 2 * len(measured) > len(boundary.rougher)
+    is_verge = is_known and np.median(measured) >= ROUGH_BEHIND
+    return replace(boundary, form=FORMS[BoxForm.EDGE]) if is_verge else boundary
 
 
 def continued(boundaries: Sequence[SmoothBoundary]) -> list[SmoothBoundary]:

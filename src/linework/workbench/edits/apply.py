@@ -105,12 +105,11 @@ def _reviewed(edit: ReviewLines, lines: LineSet, _: EditInputs) -> Change:
     review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
     own = lines_of(lines, edit.ids)
     chosen = with_companions(own, lines)
-    # What a person decided about a dash or a top by itself stays
+    # What a person decided about a dash or a top by itself stays; those with their line's review were decided with it
     is_open = np.isin(chosen.id, own.id) | (chosen.review == "")
-    if edit.action != "reject":
-        # Those of a rejected line were rejected with it
-        those = with_companions(own.take(own.review == "rejected"), lines)
-        is_open |= np.isin(chosen.id, those.id) & (chosen.review == "rejected")
+    for together in sorted(set(own.review.tolist())):
+        those = with_companions(own.take(own.review == together), lines)
+        is_open |= np.isin(chosen.id, those.id) & (chosen.review == together)
     chosen = chosen.take(is_open)
     return Change(edit.action, chosen, with_review(chosen, review))
 

@@ -96,6 +96,7 @@ from linework.kernels.cells.places import (
     BOX_Z,
     COUNT,
     FORM,
+    GRASS_M,
     KERB,
     S_U,
     S_V,
@@ -103,7 +104,7 @@ from linework.kernels.cells.places import (
     SCORE,
     TOP_V,
     chord_in_cell,
-    is_rougher,
+    is_no_pavement,
     own_roughness,
     points_in_noise,
     roughness_limit,
@@ -185,7 +186,7 @@ def kerb_in_cell(
     why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
     most = points_in_noise(floor.scanner, MOST_PLACE_POINTS)
-    is_again = data.near_road[box_cell_at(data.span, x, y)] and not is_rougher(floor.noise, floor.usual)
+    is_again = data.near_road[box_cell_at(data.span, x, y)] and not is_no_pavement(floor.noise, floor.usual)
     while is_again and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
         half_u *= 2.0
         radius = np.hypot(half_u, AREA_M * scale)
@@ -262,7 +263,7 @@ def kerb_in_window(
     if not measure_seen_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
-    if is_long and is_rougher(step[STEP_NOISE], floor.usual):
+    if is_long and is_no_pavement(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
     if is_long and not rises_throughout(work, n, step, scale, half_u):
         return BOX_ELSEWHERE
@@ -320,7 +321,21 @@ def begins_beyond_shadow(step: FloatArray, limits: FloorLimits) -> bool:
 @njit(cache=True, nogil=True)
 def _is_verge(step: FloatArray) -> bool:
     """Return whether the lower side of a measured step (19,) is as much rougher than the upper as grass is."""
-    return is_rougher(step[STEP_NOISE], step[STEP_NOISE_TOP])
+    lower, upper = (step[STEP_NOISE], step[STEP_N_FLOOR]), (step[STEP_NOISE_TOP], step[STEP_N_TOP])
+    return _is_as_grass(lower, upper)
+
+
+@njit(cache=True, nogil=True)
+def _is_as_grass(rough: tuple[float, float], smooth: tuple[float, float]) -> bool:
+    """Return whether one side of a step is as much rougher than the other as grass is, by noise [m] and number of points.
+
+    By more than two standard deviations of the difference between two measurements of one variance, too: few points tell
+    little.
+    """
+    (noise, n), (least, m) = rough, smooth
+    own, other = noise**2, least**2
+    sigma = (n * own + m * other) / (n + m) * np.sqrt(2.0 / n + 2.0 / m)
+    return bool(own - other > GRASS_M**2 + 2.0 * sigma)
 
 
 @njit(cache=True, nogil=True)
@@ -349,7 +364,10 @@ def write_kerb(
     box[SCORE] = _score(step, share)
     box[FORM], box[BOX_STEP] = KERB, step[STEP_HEIGHT]
     box[TOP_V] = step[STEP_TOP] - step[STEP_FOOT]
+    # In noise above what grass adds, stone is not told from soil
     box[BOX_ROUGHER] = step[STEP_NOISE_TOP] / step[STEP_NOISE]
+    if step[STEP_NOISE] > GRASS_M:
+        box[BOX_ROUGHER] = np.nan
     box[COUNT] = step[STEP_N_FLOOR] + step[STEP_N_TOP] + step[STEP_N_FACE]
 
 
@@ -367,7 +385,7 @@ def is_kerb(
     tilt_y = plane[PLANE_NORTH] + step[STEP_FLOOR_C] * vy - step[STEP_FLOOR_B] * vx - floor.north
     level = np.hypot(tilt_x, tilt_y) <= limits.steepest + h / STEP_IN_SLOPE
     # The grass of a verge is as high as it is rough; behind a kerb it is allowed, if the kerb stands out of it
-    grass = is_rougher(step[STEP_NOISE_TOP], step[STEP_NOISE])
+    grass = _is_as_grass((step[STEP_NOISE_TOP], step[STEP_N_TOP]), (step[STEP_NOISE], step[STEP_N_FLOOR]))
     stone = STONE_CLEAR * own_roughness(step[STEP_NOISE_TOP], floor.scanner)
     least = max(
         LEAST_CLEAR_KERB * own_roughness(step[STEP_NOISE], floor.scanner),
