@@ -11,6 +11,7 @@ import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
 
 const LOOKING = "Looking through the lines for what to review …";
+const FAILED = "What to review could not be found: reload the page.";
 
 export class QueuePane implements Pane {
   readonly element = element("div", { class: "queue-pane" });
@@ -20,7 +21,7 @@ export class QueuePane implements Pane {
   private current = "";
   private initial_m = 0; // the longest total length since the page was opened
   private latest = 0; // number of the newest request; older answers are dropped
-  private isKnown = false; // an answer has come: of many lines it takes seconds
+  private state = LOOKING; // until an answer has come: of many lines it takes seconds
 
   constructor(private readonly app: App, private readonly show: (box: Box) => void) {
     this.element.append(this.progress, this.buttons(), this.list);
@@ -51,20 +52,22 @@ export class QueuePane implements Pane {
 
   private async refresh(): Promise<void> {
     const request = (this.latest += 1);
-    if (!this.isKnown) this.progress.textContent = LOOKING;
+    if (this.state) this.progress.textContent = this.state = LOOKING;
     try {
       const items = await api.queue();
       if (request !== this.latest) return;
-      this.isKnown = true;
+      this.state = "";
       this.items = items;
       this.draw();
     } catch (error) {
-      if (request === this.latest) this.app.reportProblem(error);
+      if (request !== this.latest) return;
+      if (this.state) this.progress.textContent = this.state = FAILED;
+      this.app.reportProblem(error);
     }
   }
 
   private step(by: number): void {
-    if (this.items.length === 0) return this.inform(this.isKnown ? "Nothing left to review." : LOOKING);
+    if (this.items.length === 0) return this.inform(this.state || "Nothing left to review.");
     const at = this.items.findIndex(({ key }) => key === this.current);
     const next = at < 0 ? (by > 0 ? 0 : this.items.length - 1) : (at + by + this.items.length) % this.items.length;
     const item = this.items[next];
