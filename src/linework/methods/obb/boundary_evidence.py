@@ -32,7 +32,7 @@ def may_be_bank(boundary: SmoothBoundary) -> bool:
 
 
 def evidence_of(boundary: SmoothBoundary) -> float:
-    """Return the log-likelihood that a boundary is one, over all its boxes; inf: a kerb that is no bank is not weighed."""
+    """Return the log-likelihood that a boundary is one, over all its boxes; inf for kerbs that are no banks."""
     if boundary.form == "kerb" and not may_be_bank(boundary):
         return math.inf
     if boundary.form == "barrier":
