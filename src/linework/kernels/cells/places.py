@@ -45,7 +45,7 @@ AREA_POINTS = 60
 ROUGHER_FLOOR, SMOOTH_FLOOR_M = 2.75, 0.006
 
 #: Noise of a floor over that of the smoothest floor around: a scanner is as much noisier some metres farther away, where it
-#: grazes the road, or where strips overlap.
+#: grazes the road, or where strips overlap. On als-roads-more-t0102 it is 1.3 to 1.4 (looked at, 2026-11-30).
 NOISIER_SHARE = 1.5
 
 #: Most points of a place over the usual number: dense surveys have no more of them there, and time goes with them.
@@ -146,7 +146,7 @@ def is_rougher(rough: float, smooth: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def is_no_pavement(noise: float, usual: float) -> bool:
+def is_unpaved(noise: float, usual: float) -> bool:
     """Return whether a floor is rougher [m] than `NOISIER_SHARE` of the smoothest around by what grass and soil are."""
     return is_rougher(noise, NOISIER_SHARE * usual)
 

@@ -107,9 +107,9 @@ def _reviewed(edit: ReviewLines, lines: LineSet, _: EditInputs) -> Change:
     chosen = with_companions(own, lines)
     # What a person decided about a dash or a top by itself stays; those with their line's review were decided with it
     is_open = np.isin(chosen.id, own.id) | (chosen.review == "")
-    for together in sorted(set(own.review.tolist())):
-        those = with_companions(own.take(own.review == together), lines)
-        is_open |= np.isin(chosen.id, those.id) & (chosen.review == together)
+    for before in sorted(set(own.review.tolist())):
+        those = with_companions(own.take(own.review == before), lines)
+        is_open |= np.isin(chosen.id, those.id) & (chosen.review == before)
     chosen = chosen.take(is_open)
     return Change(edit.action, chosen, with_review(chosen, review))
 

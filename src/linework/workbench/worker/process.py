@@ -53,14 +53,14 @@ class _Requests:
         """Run what comes until the channel closes."""
         while True:
             try:
-                message = self._waiting.popleft() if self._waiting else self._received_next()
+                message = self._waiting.popleft() if self._waiting else self._next_message()
             except EOFError:
                 return
             if message[0] == "do":
                 _, self._number, function, arguments = message
                 self._run(function, arguments)
 
-    def _received_next(self) -> Any:
+    def _next_message(self) -> Any:
         """Return the next message; give freed memory back where none comes for a while."""
         try:
             return self._channel.receive_object(_TRIM_AFTER_S)

@@ -104,7 +104,7 @@ from linework.kernels.cells.places import (
     SCORE,
     TOP_V,
     chord_in_cell,
-    is_no_pavement,
+    is_unpaved,
     own_roughness,
     points_in_noise,
     roughness_limit,
@@ -186,7 +186,7 @@ def kerb_in_cell(
     why = kerb_in_window(data, place, floor, around, (n, scale, half_u), limits, scratch, box)
     # At the road a second look: few points show a step over a longer stretch only; no farther than all can be used
     most = points_in_noise(floor.scanner, MOST_PLACE_POINTS)
-    is_again = data.near_road[box_cell_at(data.span, x, y)] and not is_no_pavement(floor.noise, floor.usual)
+    is_again = data.near_road[box_cell_at(data.span, x, y)] and not is_unpaved(floor.noise, floor.usual)
     while is_again and why != BOX_FOUND and 2.0 * half_u <= LONGEST_HALF_M:
         half_u *= 2.0
         radius = np.hypot(half_u, AREA_M * scale)
@@ -263,7 +263,7 @@ def kerb_in_window(
     if not measure_seen_step(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # Over a long window the ground alone rises somewhere: the floor must be pavement, not soil, gravel or grass
-    if is_long and is_no_pavement(step[STEP_NOISE], floor.usual):
+    if is_long and is_unpaved(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
     if is_long and not rises_throughout(work, n, step, scale, half_u):
         return BOX_ELSEWHERE

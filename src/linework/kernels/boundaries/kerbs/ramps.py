@@ -91,8 +91,8 @@ from linework.kernels.cells.places import (
     S_V,
     S_Z,
     chord_in_cell,
-    is_no_pavement,
     is_rougher,
+    is_unpaved,
     points_in_noise,
 )
 from linework.kernels.cells.surroundings import FIELD_HEIGHT, SLOPE_EAST, SLOPE_NORTH
@@ -243,7 +243,7 @@ def _ramp_over(
     if not measure_ramp(work, n, first, scale, half_u, step):
         return BOX_ALL_ROAD
     # The ground rises like this in places: the floor must be pavement, and the rise must go on
-    if is_no_pavement(step[STEP_NOISE], floor.usual):
+    if is_unpaved(step[STEP_NOISE], floor.usual):
         return BOX_NO_ROAD
     if not rises_throughout(work, n, step, scale, half_u):
         return BOX_NO_ROAD
