@@ -24,7 +24,7 @@ from benchmarks.accuracy import seeds_of
 from benchmarks.epochs import within
 from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.changes.epochs import compare_epochs
-from linework.evaluation.changes.ground_seen import fewest_points
+from linework.evaluation.changes.ground_seen import look_at_ground
 from linework.evaluation.report.tables import ReportTable
 from linework.simulation.roads.alignment import PiecewiseLinear
 from linework.simulation.roads.draw import draw_scenario
@@ -55,13 +55,13 @@ def main(arguments=()):
     for road in options.roads.split(","):
         for seed in seeds_of(options.seeds):
             scenario = draw_scenario(road, seed, options.length_m)
-            old, old_look = seen(scenario)
+            old, old_look, _ = seen(scenario)
             for altered in (with_other_paint, with_other_edges):
                 changed, sorts = altered(scenario, moves[turn % len(moves)])
-                new, new_look = seen(driven_anew(changed))
+                new, new_look, truth = seen(driven_anew(changed))
                 looks = None if options.no_points else (old_look, new_look)
                 changes = compare_epochs(old, new, looks=looks)[0]
-                for sort, metres in scored(scenario, sorts, old, new, changes).items():
+                for sort, metres in scored(scenario, sorts, old, new, changes, truth).items():
                     found[sort].append(metres)
                 wrong = unexplained(scenario, sorts, changes)
                 false += wrong
@@ -85,13 +85,13 @@ def main(arguments=()):
 
 
 def seen(scenario):
-    """Return the lines of a survey, and the look at its points."""
+    """Return the lines of a survey, the look at its points, and its exact lines."""
     survey = survey_of(scenario)
     with tempfile.TemporaryDirectory() as folder:
         lines = linework.extract(
             survey.points, kinds=KINDS, trajectory=survey.trajectory, work=Path(folder), on_problem="warn"
         )
-    return lines, partial(fewest_points, points_in=within(survey.points))
+    return lines, partial(look_at_ground, points_in=within(survey.points)), survey.truth
 
 
 def end_m(scenario, sort):
@@ -197,8 +197,8 @@ def is_of(sort, change):
     return kind == sort[1] and change.status in named[sort[0]]
 
 
-def scored(scenario, sorts, old, new, changes):
-    """Return the metres of each sort that could be seen, and those that are reported."""
+def scored(scenario, sorts, old, new, changes, truth):
+    """Return the metres of each sort that could be seen, and those that are reported; what has moved where both could see it."""
     scored_m = {}
     for name, sort in sorts.items():
         known = np.zeros(int(scenario.length_m) + 1, dtype=bool)
@@ -210,6 +210,8 @@ def scored(scenario, sorts, old, new, changes):
                     known[max(int(min(a, b)), 0) : int(max(a, b)) + 1] = True
         metre = np.arange(len(known))
         known &= (metre > sort[3][0] + 1) & (metre < sort[3][1] - 1)
+        if sort[0] == "moved":
+            known &= shown_in(scenario, sort, truth)
         hit = np.zeros(len(known), dtype=bool)
         for change in changes:
             stretch = stretch_on(scenario, sort, change) if is_of(sort, change) else None
@@ -219,11 +221,26 @@ def scored(scenario, sorts, old, new, changes):
     return scored_m
 
 
+def shown_in(scenario, sort, truth):
+    """Return at which metres the new survey's scanner saw the line that has moved, dashes and what is between them."""
+    shown = np.zeros(int(scenario.length_m) + 1, dtype=bool)
+    for i in np.flatnonzero(np.isin(truth.kind, (sort[1], f"{sort[1]}_dash"))).tolist():
+        s, q = located(scenario, truth[i].xyz)
+        for at in s[(np.abs(q - sort[2]) < NEAR_M) & truth[i].observed].tolist():
+            shown[max(int(at) - 1, 0) : max(int(at) + 2, 0)] = True
+    return shown
+
+
 def unexplained(scenario, sorts, changes):
-    """Return the changes, other than of what is hidden, that no sort explains."""
-    wrong = []
+    """Return the changes, other than of what is hidden, that no sort explains.
+
+    What lies beyond an edge that was moved, such as the other carriageway, was moved with it.
+    """
+    wrong, edges = [], [sort for name, sort in sorts.items() if name.startswith("edge")]
     for change in changes:
-        if change.status in ("not visible", "unsure"):
+        if change.status in ("not visible", "unsure") or any(
+            is_beyond(scenario, sort, change) for sort in edges
+        ):
             continue
         stretches = [(sort, stretch_on(scenario, sort, change)) for sort in sorts.values()]
         if not any(
@@ -234,6 +251,13 @@ def unexplained(scenario, sorts, changes):
         ):
             wrong.append(change)
     return wrong
+
+
+def is_beyond(scenario, sort, change):
+    """Return whether a change lies farther out than an edge that was moved, beside what has moved of it."""
+    s, q = located(scenario, change.line.xyz)
+    middle = 0.5 * (s.min() + s.max())
+    return bool(np.median(q) > sort[2] + NEAR_M and sort[3][0] - END_M < middle < sort[3][1] + END_M)
 
 
 if __name__ == "__main__":

@@ -119,6 +119,30 @@ def test_the_registration_is_that_of_the_navigation():
     assert np.median(registration.sigma_m[:, 0]) < 0.01
 
 
+def test_of_two_lines_the_one_that_moved_is_told_by_where_both_agree_before():
+    x = np.arange(0.0, 400.1, 2.0)
+
+    def two_lines(move_m, seed):
+        rng = np.random.default_rng(seed)
+        marking = np.where(x > 200.0, move_m, 0.0)
+        rows = [
+            np.column_stack([x, y + 0.005 * rng.normal(size=len(x)), 0.0 * x]) for y in (-3.0, 3.0 + marking)
+        ]
+        return LineSet.from_lines(
+            rows, kind=["road_boundary", "lane_marking"], id=["kerb", "marking"], sigma_xy_m=0.015, sigma_z_m=0.015,
+            confidence=0.98,
+        )  # fmt: skip
+
+    changes, registration = compare_epochs(two_lines(0.0, 1), two_lines(-0.28, 2))
+    moved = [c for c in changes if c.status == "moved"]
+    assert {c.line.id[0] for c in moved} == {"marking"}
+    assert sum(c.length_m for c in moved) > 180.0
+    # Half-way between both is 14 cm from either: the shift is known better, from the cells before it
+    near = registration.cells[:, 0] * 25.0 < 300.0
+    assert np.abs(registration.shift_m[:, 1]).max() < 0.02
+    assert registration.sigma_m[near, 0].max() < 0.08
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_moved_kerb_and_a_raised_rail_are_found(seed):
     moved = {"kerb": [(200, 300, -0.08, 0.0)], "rail": [(500, 700, 0.0, 0.08)]}

@@ -8,7 +8,7 @@ import numpy as np
 from tests.conftest import CRS
 
 from linework.evaluation.changes.epochs import compare_epochs
-from linework.evaluation.changes.ground_seen import Places, fewest_points
+from linework.evaluation.changes.ground_seen import Places, look_at_ground
 from linework.files.las.write import write_las
 from linework.files.vectors.read_write import write_lines
 from linework.model.lines import LineSet
@@ -47,7 +47,7 @@ def look(points):
         x, y = points.xyz[:, 0], points.xyz[:, 1]
         return points.take((x >= area.west) & (x < area.east) & (y >= area.south) & (y < area.north))
 
-    return partial(fewest_points, points_in=within)
+    return partial(look_at_ground, points_in=within)
 
 
 def statuses(old, new, looks=None):
@@ -98,17 +98,19 @@ def test_points_are_counted_alike_over_tiles_and_in_any_order():
         np.tile([0.0, 1.0], (len(x), 1)),
         np.full(len(x), 0.06),
     )
-    counts = look(points)(places)
-    assert counts.min() > 10
+    shown = look(points)(places)
+    assert shown.fewest.min() > 10
+    assert shown.number.sum(axis=1).min() > 200
     turned = np.random.default_rng(3).permutation(len(points))
-    assert np.array_equal(look(points.take(turned))(places), counts)
-    each = [
-        look(points)(Places(places.xyz[i : i + 1], places.left[i : i + 1], places.half_m[i : i + 1]))[0]
-        for i in range(28, 36)
-    ]
-    assert each == counts[28:36].tolist()
+    again = look(points.take(turned))(places)
+    assert np.array_equal(again.fewest, shown.fewest)
+    assert np.array_equal(again.sums, shown.sums)
+    for i in range(28, 36):
+        one = look(points)(Places(places.xyz[i : i + 1], places.left[i : i + 1], places.half_m[i : i + 1]))
+        assert one.fewest[0] == shown.fewest[i]
+        assert np.array_equal(one.sums[0], shown.sums[i])
     high = Places(places.xyz + np.array([0.0, 0.0, 2.0]), places.left, places.half_m)
-    assert not look(points)(high).any()
+    assert not look(points)(high).number.any()
 
 
 def test_compare_says_what_the_points_could_not_show(linework, tmp_path):

@@ -6,11 +6,11 @@ Separate from `epochs`, which finds them: what differs of lines that both survey
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import BoolArray
+from linework.arrays import BoolArray, IntArray
 from linework.evaluation.changes.epoch_stations import EpochStations
 from linework.evaluation.changes.misses import LEAST_STRETCH_M
 from linework.evaluation.changes.registration import Registration, differences_of
@@ -60,6 +60,12 @@ class EpochChange:
         """Return its length [m]."""
         return self.to_m - self.from_m
 
+    def stations_of(self, stations: EpochStations, i: int) -> IntArray:
+        """Return the numbers of the stations of its line, the i-th, at which it is."""
+        first, end = np.searchsorted(stations.line, [i, i + 1]).tolist()
+        low, high = np.searchsorted(stations.along_m[first:end], [self.from_m, self.to_m]).tolist()
+        return np.arange(first + low, min(first + high + 1, end))
+
 
 def stretches_of(
     lines: LineSet, stations: EpochStations, i: int, mask: BoolArray, status: str, registration: Registration | None = None,
@@ -82,6 +88,14 @@ def stretches_of(
         piece = line_stretch(lines.take([i]), start, end)
         found.append(EpochChange(status, piece, start, end, *numbers, what))
     return found
+
+
+def joined(lines: LineSet, i: int, parts: list[EpochChange]) -> EpochChange:
+    """Return stretches of the i-th line as one, from the start of the first to the end of the last."""
+    first, last = parts[0], parts[-1]
+    if first is last:
+        return first
+    return replace(first, line=line_stretch(lines.take([i]), first.from_m, last.to_m), to_m=last.to_m)
 
 
 def existence_of(lines: LineSet, i: int) -> float:

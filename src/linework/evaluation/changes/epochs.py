@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -16,9 +17,16 @@ from linework.errors import CrsError
 from linework.evaluation.chainage.paint_changes import paint_changes
 from linework.evaluation.chainage.paint_points import PaintPieces
 from linework.evaluation.changes.dash_changes import dash_runs
-from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
+from linework.evaluation.changes.epoch_change import (
+    EpochChange,
+    existence_of,
+    joined,
+    levels_of,
+    stretches_of,
+)
 from linework.evaluation.changes.epoch_stations import EpochStations, epoch_stations
-from linework.evaluation.changes.ground_seen import LookAtPlaces, without_unseen
+from linework.evaluation.changes.ground_compared import GroundCompared, ground_compared
+from linework.evaluation.changes.ground_seen import LookAtPlaces, ground_along, without_unseen
 from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_probabilities
 from linework.evaluation.changes.registration import Registration, placed, registered
 from linework.evaluation.changes.same_lines import changes_of_same
@@ -51,7 +59,8 @@ def compare_epochs(
     paint
         What the points of each show on its markings (`paint_pieces`): wear and renewed paint are changes too.
     looks
-        At the points of each (`fewest_points`): a line is no change where the other survey did not see the ground.
+        At the points of each (`look_at_ground`): a line is no change where the other survey did not see the ground, nor where
+        the ground looks as it did.
 
     Raises
     ------
@@ -78,21 +87,31 @@ def compare_epochs(
     there, back = epoch_stations(old, new, _NOT_COMPARED), epoch_stations(new, old, _NOT_COMPARED)
     there, back = there.recoded_with(back).of_first(n_old), back.recoded_with(there).of_first(n_new)
     registration = registered(there)
+    shown: list[GroundCompared | None] = [None, None]
     if looks is not None:
-        shift_m = placed(back.xyz, registration) - back.xyz
-        there = without_unseen(there, old, placed(there.xyz, registration), looks[1])
-        back = without_unseen(back, new, back.xyz - shift_m, looks[0])
+        xyz = back.xyz - (placed(back.xyz, registration) - back.xyz)
+        ground = ground_along(there, old, new, placed(there.xyz, registration), looks)
+        ground_back = ground_along(back, new, old, xyz, looks[::-1])
+        there, back = without_unseen(there, old, ground), without_unseen(back, new, ground_back)
+        shown = [
+            ground_compared(ground, old.kind[there.line]),
+            ground_compared(ground_back, new.kind[back.line]),
+        ]
     if paint is not None:
         for worn in paint_changes(*whole, *paint, placed(paint[0].xy, registration)):
             what = f"remaining paint {worn.before:.0f} to {worn.after:.0f} %"
             of_paint.append(_of_paint(whole[0], worn.line, worn.from_m, worn.to_m, what))
-    gone, new_there = _found_alone((old, new, there, "gone", n_old), (new, old, back, "new", n_new))
-    differing = changes_of_same(old, new, there, n_old, registration)
+    gone, new_there = _found_alone(
+        (old, new, there, "gone", n_old, shown[0]), (new, old, back, "new", n_new, shown[1])
+    )
+    differing = changes_of_same(old, new, there, n_old, registration, shown[0])
     changes = []
     for i in range(n_old):
-        changes += [*gone[i], *_hidden(old, there, i), *differing[i]]
+        changes += [*gone[i], *_hidden(old, there, i, gone[i]), *differing[i]]
     for i in range(n_new):
         lost = (back.line == i) & (back.partner < 0) & ~back.bridged
+        for change in new_there[i]:
+            lost[change.stations_of(back, i)] = False
         changes += new_there[i]
         changes += stretches_of(new, back, i, lost & ~back.visible, "not visible", what="in the old survey")
     return changes + of_paint, registration
@@ -105,21 +124,21 @@ def _compared_first(lines: LineSet) -> LineSet:
 
 
 def _found_alone(
-    *surveys: tuple[LineSet, LineSet, EpochStations, str, int],
+    *surveys: tuple[LineSet, LineSet, EpochStations, str, int, GroundCompared | None],
 ) -> list[list[list[EpochChange]]]:
     """Return for both surveys, line by line, what only it found where the other could see: changes, and what is unsure.
 
-    A line that is another kind in the other survey is one change, of the old line.
+    A line that is another kind in the other survey is one change, of the old line. What is hidden, or was bridged, between
+    two stretches does not part them: they were missed once, or have changed together, and so has what is between them.
     """
-    stretches: list[tuple[tuple[int, int, int], EpochChange]] = []
-    alone: dict[tuple[int, int, int], Alone] = {}
+    cases: list[tuple[int, int, EpochChange]] = []
+    alone: list[Alone] = []
     found_m = []
-    for side, (lines, others, stations, status, n) in enumerate(surveys):
+    for side, (lines, others, stations, status, n, shown) in enumerate(surveys):
         lost = (stations.partner < 0) & ~stations.bridged & stations.visible
         both = (stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged
         both_m = STATION_M * np.bincount(stations.line[both], minlength=n)
         kinds = np.append(others.kind, "")[stations.instead]
-        # What is hidden between two stretches parts them, but they were missed once, or have changed together
         n_both, first = np.cumsum(both), np.searchsorted(stations.line, np.arange(n))
         for i in range(n):
             levels = levels_of(lines, i, status)
@@ -135,18 +154,21 @@ def _found_alone(
                     )
                     if side == 1 and kind not in _NOT_COMPARED:
                         continue
-                for change in stretches_of(lines, stations, i, here & (kinds == kind), named, what=what):
-                    key = side, i, int(n_both[first[i] + round(change.from_m / STATION_M)])
-                    stretches.append((key, change))
-                    length_m = change.length_m + (alone[key].length_m if key in alone else 0.0)
-                    alone[key] = Alone(levels, length_m, existence_of(lines, i))
-    found: list[list[list[EpochChange]]] = [[[] for _ in range(n)] for *_, n in surveys]
-    chance = dict(zip(alone, change_probabilities(list(alone.values()), found_m), strict=True))
-    for key, change in stretches:
-        side, i, _ = key
-        is_sure = chance[key] >= LIKELY_CHANGE
+                parts = stretches_of(lines, stations, i, here & (kinds == kind), named, what=what)
+                for _, own in groupby(parts, lambda one: n_both[first[i] + round(one.from_m / STATION_M)]):  # noqa: B023
+                    one_case = list(own)
+                    cases.append((side, i, joined(lines, i, one_case)))
+                    says = 0.0
+                    if shown is not None:
+                        where = np.concatenate([one.stations_of(stations, i) for one in one_case])
+                        says = shown.log_odds(str(lines.kind[i]), where)
+                    length_m = sum(one.length_m for one in one_case)
+                    alone.append(Alone(levels, length_m, existence_of(lines, i), says))
+    found: list[list[list[EpochChange]]] = [[[] for _ in range(n)] for *_, n, _ in surveys]
+    for (side, i, change), chance in zip(cases, change_probabilities(alone, found_m), strict=True):
+        is_sure = chance >= LIKELY_CHANGE
         status, what = (change.status, change.what) if is_sure else ("unsure", change.what or change.status)
-        found[side][i].append(replace(change, status=status, what=what, probability=chance[key]))
+        found[side][i].append(replace(change, status=status, what=what, probability=chance))
     return found
 
 
@@ -155,10 +177,12 @@ def _of_paint(lines: LineSet, line: int, from_m: float, to_m: float, what: str) 
     return EpochChange("changed", piece, from_m, to_m, math.nan, math.nan, math.nan, math.nan, what)
 
 
-def _hidden(lines: LineSet, stations: EpochStations, i: int) -> list[EpochChange]:
-    """Return what of a line of the old survey was hidden in the new one."""
+def _hidden(lines: LineSet, stations: EpochStations, i: int, known: list[EpochChange]) -> list[EpochChange]:
+    """Return what of a line of the old survey was hidden in the new one, but for what is known to have changed."""
     lost = (stations.partner < 0) & ~stations.visible
     hidden = (
         (stations.line == i) & ~stations.bridged & ((stations.partner >= 0) & stations.partner_bridged | lost)
     )
+    for change in known:
+        hidden[change.stations_of(stations, i)] = False
     return stretches_of(lines, stations, i, hidden, "not visible")

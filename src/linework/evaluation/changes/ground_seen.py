@@ -1,4 +1,4 @@
-"""Whether a survey saw the ground where only the other one has a line, by the points that it has there.
+"""What a survey saw of the ground at places on lines, and whether it saw it where only the other survey has a line.
 
 Separate from `epochs`, which knows lines only: points are read here, tile by tile, and nowhere else.
 """
@@ -6,12 +6,12 @@ Separate from `epochs`, which knows lines only: points are read here, tile by ti
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.changes.epoch_stations import EpochStations
 from linework.evaluation.changes.misses import LEAST_STRETCH_M
 from linework.lines.along import runs_of
@@ -19,8 +19,11 @@ from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
-#: Kinds that lie on the ground, and show by what the ground beside them is like.
-_ON_GROUND = ("lane_marking", "road_boundary", "kerb_top")
+#: Kinds that lie on the ground, and show by what the ground beside them is like; and kinds that stand on it.
+_ON_GROUND, STANDING = ("lane_marking", "road_boundary", "kerb_top"), ("guardrail", "barrier", "fence")
+#: What stands is this near to its line across, from this far below its upper edge to that above it: a beam is 0.3 m high.
+#: What is beside it lies up to this far off and below. [m]
+_THICK_M, _UPPER_M, _BESIDE_IT_M, _BELOW_IT_M = 0.15, (-0.3, 0.05), 0.6, 1.5
 #: What is beside a line, from this far off its edge to that; and half of the length that is looked at: stations are 1 m
 #: apart. [m]
 _BESIDE_M, _HALF_M = (0.05, 0.35), 0.5
@@ -35,6 +38,11 @@ _ENOUGH = 5
 _MOST_PLACES = 500
 #: Points are read by tiles of this side. [m]
 _TILE_M = 64.0
+#: A profile across a line: how far it reaches to either side, and its steps. Kerbs and paint are 0.1 to 0.3 m wide. [m]
+_PROFILE_M, PROFILE_STEP_M = 0.5, 0.05
+N_STEPS = round(2.0 * _PROFILE_M / PROFILE_STEP_M)
+#: Middles of the steps. [m]
+STEP_PLACES_M = (np.arange(N_STEPS) + 0.5) * PROFILE_STEP_M - _PROFILE_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,19 +62,49 @@ class Places:
     half_m: FloatArray
 
 
-#: Returns for places what `fewest_points` does, of one survey.
-LookAtPlaces = Callable[[Places], IntArray]
+@dataclass(frozen=True, slots=True)
+class GroundAtPlaces:
+    """What the points of a survey show of the ground around places on lines.
+
+    Parameters
+    ----------
+    fewest
+        (n,) fewest points on either side of the line, or on its paint.
+    number
+        (n, N_STEPS) points of 1 m of line by their distance across it, from right to left.
+    sums
+        (n, 4, N_STEPS) sums of their heights above the place [m], of their brightness, and of the squares of both.
+    half_m
+        (n,) half of the width of the paint; 0 for an edge. [m]
+    upper, below
+        (n,) points of what stands there, below its upper edge, and of what lies beside and below that.
+    """
+
+    fewest: IntArray
+    number: IntArray
+    sums: FloatArray
+    half_m: FloatArray
+    upper: IntArray
+    below: IntArray
+
+    def at(self, rows: IntArray) -> GroundAtPlaces:
+        """Return what is shown at some of the places."""
+        return GroundAtPlaces(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def fewest_points(
+#: Returns for places what `look_at_ground` does, of one survey.
+LookAtPlaces = Callable[[Places], GroundAtPlaces]
+
+
+def look_at_ground(
     places: Places, points_in: Callable[[Bounds], Points], advance: Callable[[int, int], None] | None = None
-) -> IntArray:
-    """Return the fewest points (n,) int64 on either side of a line, or on its paint.
+) -> GroundAtPlaces:
+    """Return what the points show of the ground around places.
 
     Parameters
     ----------
     points_in
-        Returns all points within bounds.
+        Returns all points within bounds; those without intensities have no brightness.
     advance
         Called with the tiles done and all tiles.
 
@@ -76,37 +114,66 @@ def fewest_points(
     >>> ground = Points(np.column_stack([rng.uniform(0.0, 10.0, (2000, 2)), np.zeros(2000)]))
     >>> hidden = ground.take(ground.xyz[:, 1] < 5.0)
     >>> at = Places(np.array([[5.0, 4.9, 0.0]]), np.array([[0.0, 1.0]]), np.zeros(1))
-    >>> [int(fewest_points(at, lambda area: shown)[0]) for shown in (ground, hidden)]
+    >>> [int(look_at_ground(at, lambda area: shown).fewest[0]) for shown in (ground, hidden)]
     [4, 0]
     """
-    found = np.zeros(len(places.xyz), dtype=np.int64)
+    n = len(places.xyz)
+    found = GroundAtPlaces(
+        np.zeros(n, dtype=np.int64), np.zeros((n, N_STEPS), dtype=np.int64), np.zeros((n, 4, N_STEPS)), places.half_m,
+        *np.zeros((2, n), dtype=np.int64),
+    )  # fmt: skip
     tiles = np.floor(places.xyz[:, :2] / _TILE_M).astype(np.int64)
     every_tile = np.unique(tiles, axis=0).tolist()
     for n_done, tile in enumerate(every_tile):
         if advance is not None:
             advance(n_done, len(every_tile))
         rows = np.flatnonzero((tiles == tile).all(axis=1))
-        reach = float(np.hypot(places.half_m[rows].max() + _BESIDE_M[1], _HALF_M))
+        aside = max(float(places.half_m[rows].max()) + _BESIDE_M[1], _PROFILE_M, _BESIDE_IT_M)
+        reach = float(np.hypot(aside, _HALF_M))
         low, high = places.xyz[rows, :2].min(axis=0) - reach, places.xyz[rows, :2].max(axis=0) + reach
-        cloud = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1]))).xyz
-        if not len(cloud):
+        points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+        if not len(points):
             continue
         at = places.xyz[rows, :2] - low
         # Most points of a tile are near no place
-        away, _ = cKDTree(at).query(cloud[:, :2] - low, distance_upper_bound=reach)
-        cloud = cloud[np.isfinite(away)]
-        near = cKDTree(cloud[:, :2] - low).query_ball_point(at, reach) if len(cloud) else [[]] * len(rows)
+        away, _ = cKDTree(at).query(points.xyz[:, :2] - low, distance_upper_bound=reach)
+        points = points.take(np.isfinite(away))
+        near = (
+            cKDTree(points.xyz[:, :2] - low).query_ball_point(at, reach) if len(points) else [[]] * len(rows)
+        )
+        value = np.zeros(len(points)) if points.intensity is None else points.intensity.astype(np.float64)
         for row, own in zip(rows.tolist(), near, strict=True):
-            found[row] = _fewest_at(places, row, cloud[own])
+            across, up, bright = _beside_place(places, row, points.xyz[own], value[own])
+            away, is_high = np.abs(across), up > _UPPER_M[0]
+            found.upper[row] = np.count_nonzero(is_high & (up < _UPPER_M[1]) & (away <= _THICK_M))
+            found.below[row] = np.count_nonzero(~is_high & (up > -_BELOW_IT_M) & (away <= _BESIDE_IT_M))
+            on_ground = np.abs(up) <= _NEAR_GROUND_M
+            across, up, bright = across[on_ground], up[on_ground], bright[on_ground]
+            found.fewest[row] = _fewest_at(across, float(places.half_m[row]))
+            step = np.floor((across + _PROFILE_M) / PROFILE_STEP_M).astype(np.int64)
+            inside = (step >= 0) & (step < N_STEPS)
+            step, up, bright = step[inside], up[inside], bright[inside]
+            found.number[row] = np.bincount(step, minlength=N_STEPS)
+            for k, weights in enumerate((up, bright, up**2, bright**2)):
+                found.sums[row, k] = np.bincount(step, weights=weights, minlength=N_STEPS)
     return found
 
 
-def _fewest_at(places: Places, row: int, cloud: FloatArray) -> int:
-    """Return the fewest of the points near a place (k, 3) on either side of its line, or on its paint."""
-    (e, n), half_m = places.left[row], places.half_m[row]
+def _beside_place(
+    places: Places, row: int, cloud: FloatArray, value: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return distance across, height above the place and brightness of the points (k, 3) beside 1 m of line."""
+    e, n = places.left[row]
     off = cloud - places.xyz[row]
     across, along = off[:, 0] * e + off[:, 1] * n, off[:, 0] * n - off[:, 1] * e
-    across = across[(np.abs(along) <= _HALF_M) & (np.abs(off[:, 2]) <= _NEAR_GROUND_M)]
+    kept = np.abs(along) <= _HALF_M
+    # In an order of their own, so that sums are the same however the points are read
+    order = np.lexsort((value[kept], off[kept, 2], across[kept]))
+    return across[kept][order], off[kept, 2][order], value[kept][order]
+
+
+def _fewest_at(across: FloatArray, half_m: float) -> int:
+    """Return the fewest of the points near a place on either side of its line, or on its paint."""
     low, high = half_m + _BESIDE_M[0], half_m + _BESIDE_M[1]
     parts = [(low <= side) & (side <= high) for side in (across, -across)]
     if half_m > 0.0:
@@ -114,51 +181,102 @@ def _fewest_at(places: Places, row: int, cloud: FloatArray) -> int:
     return min(int(part.sum()) for part in parts)
 
 
-def without_unseen(
-    stations: EpochStations, lines: LineSet, xyz: FloatArray, look: LookAtPlaces
-) -> EpochStations:
-    """Return stations of which those without a partner are visible only where the other survey saw the ground.
+@dataclass(frozen=True, slots=True)
+class GroundAlongLines:
+    """The ground at stations of one survey's lines as both surveys show it.
 
     Parameters
     ----------
-    stations, lines
-        Of one survey.
+    row
+        (n,) number of a station among those looked at, -1 of the others.
+    own, other
+        Of those looked at: what their own survey shows, and what the other one does.
+    is_found
+        (m,) bool: of those looked at, where both surveys found the same line.
+    away_m
+        (m,) of those looked at: how far to the left the other survey found the line, where that is more than a step of a
+        profile, and it was looked at where this survey has it; else 0. [m]
+    """
+
+    row: IntArray
+    own: GroundAtPlaces
+    other: GroundAtPlaces
+    is_found: BoolArray
+    away_m: FloatArray
+
+
+def ground_along(
+    stations: EpochStations, lines: LineSet, others: LineSet, xyz: FloatArray,
+    looks: tuple[LookAtPlaces, LookAtPlaces],
+) -> GroundAlongLines:  # fmt: skip
+    """Return the ground where only one survey has a line, or each another form or place of it, and where both agree, at some.
+
+    Parameters
+    ----------
+    stations, lines, others
+        Stations and lines of one survey, and lines of the other one.
     xyz
         (n, 3) where the stations are in the other survey, after registration. [m, world]
-    look
-        At the points of the other survey.
+    looks
+        At the points of this survey, and of the other one.
+    """
+    kind = lines.kind[stations.line]
+    width_m = np.where(kind == "lane_marking", np.nan_to_num(lines.width_m[stations.line], nan=0.0), 0.0)
+    is_found = (stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged
+    # Where the other survey has its own line: its place, not that of this one
+    shift_m = np.nan_to_num(np.column_stack([stations.left * stations.across_m[:, None], stations.up_m]))
+    found_at = stations.xyz + shift_m
+    away_m = np.where(is_found, np.sum((found_at - xyz)[:, :2] * stations.left, axis=1), 0.0)
+    away_m[np.abs(away_m) < PROFILE_STEP_M] = 0.0
+    is_moved = away_m != 0.0
+    at = np.where((is_found & ~is_moved)[:, None], found_at, xyz)
+    form, other_form = lines.form[stations.line], np.append(others.form, "")[stations.partner]
+    is_other = is_moved | (is_found & (form != other_form) & (form != "") & (other_form != ""))
+    looked = [np.zeros(0, dtype=np.int64)]
+    for one in (*_ON_GROUND, *STANDING):
+        differs, found = (
+            np.flatnonzero(which & (kind == one))
+            for which in (is_other | _is_alone(stations), is_found & ~is_other)
+        )
+        if len(differs):
+            looked += [differs, found[:: max(-(-len(found) // _MOST_PLACES), 1)]]
+    rows = np.unique(np.concatenate(looked))
+    row = np.full(len(kind), -1)
+    row[rows] = np.arange(len(rows))
+    own, other = (
+        look(Places(place[rows], stations.left[rows], 0.5 * width_m[rows]))
+        for look, place in zip(looks, (stations.xyz, at), strict=True)
+    )
+    return GroundAlongLines(row, own, other, (is_found & ~is_other)[rows], away_m[rows])
+
+
+def _is_alone(stations: EpochStations) -> BoolArray:
+    """Return which stations have no line at all in their place; where there is one of another kind, it saw the place."""
+    return (stations.partner < 0) & (stations.instead < 0) & ~stations.bridged & stations.visible
+
+
+def without_unseen(stations: EpochStations, lines: LineSet, ground: GroundAlongLines) -> EpochStations:
+    """Return stations of which those without a partner are visible only where the other survey saw the ground.
 
     Notes
     -----
     The ground was seen where there are as many points on both sides of the line, and on its paint, as at 99 of 100 places
     where the other survey did find lines of this kind, or five; where it has none of this kind, five. A rail that is new
-    hides what is behind it; a marking half of which lies in its shadow is not gone.
+    hides what is behind it; a marking half of which lies in its shadow is not gone. The place of what stands was seen where
+    there are points of it, or of what is beside and below it.
     """
-    kind = lines.kind[stations.line]
-    width_m = np.where(kind == "lane_marking", np.nan_to_num(lines.width_m[stations.line], nan=0.0), 0.0)
-    # Where the other survey has a line of another kind in this place, it saw the place
-    is_alone = (stations.partner < 0) & (stations.instead < 0) & ~stations.bridged & stations.visible
-    is_found = (stations.partner >= 0) & ~stations.partner_bridged
-    # Where the other survey has its own line: its place, not that of this one
-    shift_m = np.nan_to_num(np.column_stack([stations.left * stations.across_m[:, None], stations.up_m]))
-    at = np.where(is_found[:, None], stations.xyz + shift_m, xyz)
-    looked = list[tuple[IntArray, IntArray]]()
-    for one in _ON_GROUND:
-        alone, found = (np.flatnonzero(which & (kind == one)) for which in (is_alone, is_found))
-        if len(alone):
-            looked.append((alone, found[:: max(-(-len(found) // _MOST_PLACES), 1)]))
-    if not looked:
-        return stations
-    rows = np.unique(np.concatenate([row for pair in looked for row in pair]))
-    number = np.zeros(len(kind), dtype=np.int64)
-    number[rows] = look(Places(at[rows], stations.left[rows], 0.5 * width_m[rows]))
+    kind, is_alone = lines.kind[stations.line], _is_alone(stations)
+    fewest = np.append(ground.other.fewest, 0)[ground.row]
+    is_found = np.append(ground.is_found, False)[ground.row]
     visible = stations.visible.copy()
-    for alone, found in looked:
+    shows = np.append(ground.other.upper + ground.other.below, 0)[ground.row] > 0
+    for one in (*_ON_GROUND, *STANDING):
+        found = np.flatnonzero(is_found & (kind == one))
         least = _ENOUGH
         if len(found):
-            least = min(int(np.quantile(number[found], _SPARSEST, method="lower")), _ENOUGH)
-        is_sparse = np.zeros(len(kind), dtype=bool)
-        is_sparse[alone] = number[alone] < least
+            least = min(int(np.quantile(fewest[found], _SPARSEST, method="lower")), _ENOUGH)
+        is_unseen = ~shows if one in STANDING else fewest < least
+        is_sparse = is_alone & (kind == one) & is_unseen
         # A few points less at one place are chance; a line is not parted by less than a stretch that is looked at
         for first, last in runs_of(is_sparse):
             run = np.arange(first, last + 1)

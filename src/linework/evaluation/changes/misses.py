@@ -50,11 +50,14 @@ class Alone:
         Its length. [m]
     confidence
         Probability that there is such a line at all.
+    log_odds
+        How much likelier what the points show is where the road has changed, as a logarithm.
     """
 
     levels: tuple[str, ...]
     length_m: float
     confidence: float
+    log_odds: float = 0.0
 
 
 class _Class:
@@ -140,7 +143,9 @@ def _first_guess(alone: Sequence[Alone], found_m: Sequence[tuple[tuple[str, ...]
         # From the shortest on, each as a miss by what those before it are, against a change
         odds = [0.0]
         for i in own:
-            odds.append(odds[-1] + _log_missed(alone[i], classes) - _log_changed(alone[i]))
+            odds.append(
+                odds[-1] + _log_missed(alone[i], classes) - _log_changed(alone[i]) - alone[i].log_odds
+            )
             _add(classes, alone[i], 1.0)
         for i in own[odds.index(max(odds)) :]:
             chance[i] = 1.0
@@ -165,7 +170,7 @@ def _beyond_m(one: Alone) -> float:
 
 def _probability(one: Alone, classes: dict[tuple[str, ...], _Class]) -> float:
     """Return the probability of a change by what all others are."""
-    return float(expit(_log_changed(one) - _log_missed(one, classes)))
+    return float(expit(_log_changed(one) + one.log_odds - _log_missed(one, classes)))
 
 
 def _log_changed(one: Alone) -> float:

@@ -6,11 +6,14 @@ Separate from `epochs`: what all lines do is navigation, not a change.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import block_diag, coo_array, kron
+from scipy.sparse.csgraph import connected_components, laplacian
+from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, IntArray
@@ -22,6 +25,14 @@ from linework.lines.crosscuts import STATION_M
 _CELL_M, _WINDOW_M = 25.0, 60.0
 #: What the two surveys may be apart: shift, and turn of a cell. [m, rad]
 _PRIOR_SHIFT_M, _PRIOR_TURN = 0.3, 0.002
+#: By how much shifts of neighbouring cells differ: a tenth of what the surveys may be apart. [m]
+_DRIFT_M = 0.03
+#: Rounds until shifts stay as they are, and more until lines that disagree are left alone.
+_ROUNDS, _LAST_ROUNDS = 30, 10
+#: What lines usually differ by shows where they agree: half of a road may have changed. [share of cells]
+_WHERE_LINES_AGREE = 0.25
+#: What a cell farther away knows, the drift has made as uncertain as half of what the surveys may be apart. [cells]
+_KNOWN_CELLS = round((0.5 * _PRIOR_SHIFT_M / _DRIFT_M) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,23 +61,32 @@ class Registration:
 
 
 def registered(stations: EpochStations) -> Registration:
-    """Return the shifts of cells from the lines that both surveys have, by least absolute deviations over lines."""
+    """Return the shifts of cells from the lines that both surveys have, by least absolute deviations over lines.
+
+    They go over evenly from cell to cell, as errors of navigation do and changes of the road do not.
+    """
     good = np.flatnonzero((stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged)
     place = stations.xyz[good, :2]
     cells = np.unique(np.floor(place / _CELL_M).astype(np.int64), axis=0)
-    rows = []
     feature = _features(stations, good)
+    listed, found, rest = list[_Cell](), np.zeros((0, 3)), list[tuple[float, FloatArray]]()
     if len(good):
         origin = place[0]
         middles = (cells + 0.5) * _CELL_M
         near = cKDTree(place - origin).query_ball_point(middles - origin, _WINDOW_M, return_sorted=True)
-        rows = [
+        listed = [
             _cell(stations, good[own], feature[own], middle)
             for own, middle in zip(near, middles, strict=True)
         ]
+        found = _shifts_and_turns(listed, cells)
+        rest = [_deviations(one, own) for one, own in zip(listed, found, strict=True)]
+    rise = np.array([own for own, _ in rest])
+    sigma_m = np.array([own for _, own in rest]).reshape(-1, 2)
+    if len(cells):
+        sigma_m[:, 0] = _known_from_beside(sigma_m[:, 0], cells)
     return Registration(
-        cells.reshape(-1, 2), np.array([r[0] for r in rows]).reshape(-1, 3), np.array([r[1] for r in rows]),
-        np.array([r[2] for r in rows]).reshape(-1, 2), np.array([r[3] for r in rows], dtype=np.int64),
+        cells.reshape(-1, 2), np.column_stack([found[:, :2], rise]), found[:, 2],
+        sigma_m, np.array([len(one.share) for one in listed], dtype=np.int64),
     )  # fmt: skip
 
 
@@ -87,43 +107,131 @@ def _features(stations: EpochStations, rows: IntArray) -> IntArray:
     return np.asarray(connected_components(pairs, directed=False)[1][line], dtype=np.int64)
 
 
-def _cell(
-    stations: EpochStations, rows: IntArray, feature: IntArray, middle: FloatArray
-) -> tuple[FloatArray, float, FloatArray, int]:
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """What both surveys have near one cell.
+
+    Parameters
+    ----------
+    design
+        (n, 3) what shift and turn do across at stations.
+    across_m, up_m
+        (n,) differences. [m]
+    line, share
+        (n,) number of the line, from 0 on, and for each how much it counts, 1 at most.
+    sigma_m
+        Deviations of a difference, in plan and in height. [m]
+    """
+
+    design: FloatArray
+    across_m: FloatArray
+    up_m: FloatArray
+    line: IntArray
+    share: FloatArray
+    sigma_m: tuple[float, float]
+
+    @property
+    def weight(self) -> FloatArray:
+        """Return how much each station counts."""
+        return np.asarray((self.share / np.bincount(self.line))[self.line])
+
+    def off(self, found: FloatArray) -> FloatArray:
+        """Return what lines are off by after registration, in stated deviations."""
+        across = self.across_m - self.design @ found
+        return np.asarray(np.bincount(self.line, weights=across) / np.bincount(self.line) / self.sigma_m[0])
+
+    def normal_of(
+        self, found: FloatArray, weigh: Callable[[FloatArray], FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the normal equations (3, 3), (3,) with stations weighed by what they are off by, in stated deviations."""
+        sigma = self.sigma_m[0]
+        w = self.weight / sigma**2 * weigh(np.abs(self.across_m - self.design @ found) / sigma)
+        weighted = w[:, None] * self.design
+        return self.design.T @ weighted, weighted.T @ self.across_m
+
+
+def _cell(stations: EpochStations, rows: IntArray, feature: IntArray, middle: FloatArray) -> _Cell:
     left, place = stations.left[rows], stations.xyz[rows, :2] - middle
     lever = left[:, 1] * place[:, 0] - left[:, 0] * place[:, 1]
-    A = np.column_stack([left, lever])
     # A line counts as one, whatever its length: its errors are one. A piece shorter than a cell, which may well be
     # another edge, counts by its length
-    number, inverse = np.unique(feature, return_inverse=True)
-    count = np.bincount(inverse)
-    share = np.minimum(STATION_M * count / _CELL_M, 1.0)
-    weight = (share / count)[inverse]
+    _, line = np.unique(feature, return_inverse=True)
+    share = np.minimum(STATION_M * np.bincount(line) / _CELL_M, 1.0)
+    sigma, sigma_z = (float(np.sqrt(np.mean(stations.sigma_m[rows, axis] ** 2))) for axis in (0, 1))
+    return _Cell(
+        np.column_stack([left, lever]), stations.across_m[rows], stations.up_m[rows], line, share, (sigma, sigma_z)
+    )  # fmt: skip
+
+
+def _shifts_and_turns(listed: list[_Cell], cells: IntArray) -> FloatArray:
+    """Return shift and turn (k, 3) of all cells: least absolute deviations, and evenly from cell to cell.
+
+    A kerb that was moved does not pull. Of two lines either may be the one that has moved, and any shift between both is as
+    good: cells whose lines disagree leave it to those beside, and in the last rounds go on to the nearer line, as what is
+    farther off than usual counts less and less (Cauchy's weights).
+    """
+    k = len(listed)
+    beside = cKDTree(cells).query_pairs(1.5, output_type="ndarray")
     prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
-    sigma = float(np.sqrt(np.mean(stations.sigma_m[rows, 0] ** 2)))
-    d, up = stations.across_m[rows], stations.up_m[rows]
-    found: FloatArray = np.zeros(3)
-    factor: FloatArray = np.ones(len(rows))
-    for _ in range(30):
-        w = weight * factor / sigma**2
-        found = np.asarray(np.linalg.solve(A.T @ (w[:, None] * A) + prior, A.T @ (w * d)), dtype=np.float64)
-        # Least absolute deviations: a kerb that was moved does not pull
-        factor = np.asarray(sigma / np.maximum(np.abs(d - A @ found), 0.2 * sigma), dtype=np.float64)
+    links = coo_array((np.full(len(beside), 1.0 / _DRIFT_M**2), (beside[:, 0], beside[:, 1])), shape=(k, k))
+    even = kron(laplacian((links + links.T).tocsr()), np.diag([1.0, 1.0, 0.0]))
+    found = np.zeros((k, 3))
+    for turn in range(_ROUNDS + _LAST_ROUNDS):
+        apart = np.array(
+            [_disagreement(one.off(own), one.share) for one, own in zip(listed, found, strict=True)]
+        )
+        usual, is_last = 2.0 * float(np.quantile(apart, _WHERE_LINES_AGREE)), turn >= _ROUNDS
+        weigh = partial(_cauchy, usual=usual) if is_last else _absolute
+        left, right = zip(
+            *(one.normal_of(own, weigh) for one, own in zip(listed, found, strict=True)), strict=True
+        )
+        known = np.ones(k) if is_last else apart**-2.0
+        normal = block_diag(list(np.array(left) * known[:, None, None] + prior)) + even
+        found = spsolve(normal.tocsc(), (np.array(right) * known[:, None]).ravel()).reshape(-1, 3)
+    return found
+
+
+def _absolute(off: FloatArray) -> FloatArray:
+    """Return the weights by which least squares become least absolute deviations."""
+    return np.asarray(1.0 / np.maximum(off, 0.2))
+
+
+def _cauchy(off: FloatArray, usual: float) -> FloatArray:
+    """Return weights that fall with the square beyond what is usual."""
+    return np.asarray(1.0 / (1.0 + (off / usual) ** 2))
+
+
+def _known_from_beside(sigma_m: FloatArray, cells: IntArray) -> FloatArray:
+    """Return deviations of shifts in plan, (k,) [m]: what a cell nearby knows better is known here but for the drift between.
+
+    >>> _known_from_beside(np.array([0.01, 0.2, 0.2]), np.array([[0, 0], [1, 0], [3, 0]])).round(3).tolist()
+    [0.01, 0.032, 0.053]
+    """
+    near = cKDTree(cells).query_pairs(_KNOWN_CELLS, output_type="ndarray")
+    both = np.concatenate([near, near[:, ::-1]])
+    apart = np.linalg.norm(cells[both[:, 0]] - cells[both[:, 1]], axis=1)
+    known = sigma_m.copy()
+    np.minimum.at(known, both[:, 0], np.hypot(sigma_m[both[:, 1]], _DRIFT_M * np.sqrt(apart)))
+    return known
+
+
+def _deviations(cell: _Cell, found: FloatArray) -> tuple[float, FloatArray]:
+    """Return the rise of the new survey near a cell [m], and the deviations in plan and in height (2,) of its shift [m]."""
+    A, share, (sigma, sigma_z) = cell.design, cell.share, cell.sigma_m
+    prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
     # Lines that disagree more than they state know the shift as much less; few that were moved among many say nothing of it
-    scale = _disagreement(np.bincount(inverse, weights=d - A @ found) / count, share, sigma)
-    covariance = np.linalg.inv(A.T @ ((weight / (scale * sigma) ** 2)[:, None] * A) + prior)
+    scale = _disagreement(cell.off(found), share)
+    covariance = np.linalg.inv(A.T @ ((cell.weight / (scale * sigma) ** 2)[:, None] * A) + prior)
     across = float(np.sqrt(np.mean(np.einsum("ij,jk,ik->i", A, covariance, A))))
-    means = np.array([float(np.median(up[inverse == k])) for k in range(len(number))])
+    means = np.array([float(np.median(cell.up_m[cell.line == k])) for k in range(len(share))])
     rise = _weighted_median(means, share)
-    sigma_z = float(np.sqrt(np.mean(stations.sigma_m[rows, 1] ** 2)))
-    scale_z = _disagreement(means - rise, share, sigma_z)
-    sigma_up = scale_z * sigma_z * math.sqrt(math.pi / 2 / float(share.sum()))
-    return np.array([found[0], found[1], rise]), float(found[2]), np.array([across, sigma_up]), len(number)
+    scale_z = _disagreement((means - rise) / sigma_z, share)
+    return rise, np.array([across, scale_z * sigma_z * math.sqrt(math.pi / 2 / float(share.sum()))])
 
 
-def _disagreement(residual: FloatArray, share: FloatArray, sigma: float) -> float:
+def _disagreement(off: FloatArray, share: FloatArray) -> float:
     """Return how many times their deviation lines (n,) are off, 1 at least: few that have moved among many count little."""
-    return max(1.4826 * _weighted_median(np.abs(residual), share) / sigma, 1.0)
+    return max(1.4826 * _weighted_median(np.abs(off), share), 1.0)
 
 
 def _weighted_median(values: FloatArray, weight: FloatArray) -> float:

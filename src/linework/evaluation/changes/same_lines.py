@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
 from linework.evaluation.changes.epoch_stations import EpochStations
+from linework.evaluation.changes.ground_compared import GroundCompared
 from linework.evaluation.changes.joined_moves import moved_together
 from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_probabilities
 from linework.evaluation.changes.registration import Registration, differences_of
@@ -119,8 +120,9 @@ def _about_their_median(listed: list[FloatArray]) -> list[FloatArray]:
 
 
 def changes_of_same(
-    old: LineSet, new: LineSet, stations: EpochStations, n: int, registration: Registration
-) -> list[list[EpochChange]]:
+    old: LineSet, new: LineSet, stations: EpochStations, n: int, registration: Registration,
+    shown: GroundCompared | None = None,
+) -> list[list[EpochChange]]:  # fmt: skip
     """Return line by line what differs of the first n old lines where the new survey has them too, and what of it is unsure.
 
     Notes
@@ -147,7 +149,7 @@ def changes_of_same(
     # Moves and each sort of change have their own chances
     for sort in sorted({_sort_of(change) for changes in found for change in changes}):
         cases = [(i, k) for i in range(n) for k, one in enumerate(found[i]) if _sort_of(one) == sort]
-        differs = [_within(stations, i, found[i][k]) for i, k in cases]
+        differs = [found[i][k].stations_of(stations, i) for i, k in cases]
         lengths_m = [STATION_M * float(measured[here].sum()) for here in differs]
         left_m = both_m.astype(np.float64)
         for (i, _), length_m in zip(cases, lengths_m, strict=True):
@@ -163,7 +165,12 @@ def changes_of_same(
         alone = []
         for own in (np.flatnonzero(group == g) for g in range(int(group.max()) + 1)):
             i = cases[max(own.tolist(), key=lambda c: lengths_m[c])][0]
-            alone.append(Alone(levels[i], sum(lengths_m[c] for c in own.tolist()), confidence[i]))
+            # Two surveys may call one edge kerb and edge: where the ground looks the same, it is
+            says = 0.0
+            if shown is not None and sort in ("form", ""):
+                where = np.concatenate([differs[c] for c in own.tolist()])
+                says = shown.log_odds(str(old.kind[i]), where, moved=not sort)
+            alone.append(Alone(levels[i], sum(lengths_m[c] for c in own.tolist()), confidence[i], says))
         chances = change_probabilities(alone, [(levels[i], float(left_m[i])) for i in range(n)])
         for (i, k), g in zip(cases, group.tolist(), strict=True):
             change, chance = found[i][k], chances[g]
@@ -171,16 +178,6 @@ def changes_of_same(
                 change = replace(change, status="unsure", what=change.what or change.status)
             found[i][k] = replace(change, probability=chance)
     return found
-
-
-def _within(stations: EpochStations, i: int, change: EpochChange) -> slice:
-    """Return which stations a change of a line is at."""
-    first, end = np.searchsorted(stations.line, [i, i + 1]).tolist()
-    along_m = stations.along_m[first:end]
-    return slice(
-        first + int(np.searchsorted(along_m, change.from_m, side="left")),
-        first + int(np.searchsorted(along_m, change.to_m, side="right")),
-    )
 
 
 def _sort_of(change: EpochChange) -> str:

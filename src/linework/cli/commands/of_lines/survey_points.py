@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from linework.arrays import IntArray
     from linework.evaluation.chainage.paint_points import PaintPieces
-    from linework.evaluation.changes.ground_seen import LookAtPlaces, Places
+    from linework.evaluation.changes.ground_seen import GroundAtPlaces, LookAtPlaces, Places
     from linework.model.grid import Bounds
     from linework.model.lines import LineSet
     from linework.model.points import Points
@@ -63,21 +62,21 @@ class LinesAndPoints:
             with steps.step("look at the paint", unit="tiles") as advance:
                 return paint_pieces(self.lines, points_in, advance)
 
-    def look(self, places: Places) -> IntArray:
-        """Return the fewest points around each of the places, (n,) int64, see `fewest_points`.
+    def look(self, places: Places) -> GroundAtPlaces:
+        """Return what the points show of the ground around each of the places, see `look_at_ground`.
 
         Raises
         ------
         InputError
             The survey is in another CRS than the lines, or has no points.
         """
-        from linework.evaluation.changes.ground_seen import fewest_points
+        from linework.evaluation.changes.ground_seen import look_at_ground
 
         with (
             self._opened(seeks_paint=False) as (points_in, steps, _),
             steps.step("look at the ground", unit="tiles") as advance,
         ):
-            return fewest_points(places, points_in, advance)
+            return look_at_ground(places, points_in, advance)
 
     @contextmanager
     def _opened(
@@ -118,7 +117,8 @@ class LinesAndPoints:
                     advice=f"leave {' and '.join(argument(o) for o in self.options)} out",
                 )
             store = recordings.points.points
-            gains = sampled_gains(*store.block_counts, store.points) if seeks_paint else LaserGains()
+            has_intensity = recordings.points.facts.has_intensity
+            gains = sampled_gains(*store.block_counts, store.points) if has_intensity else LaserGains()
             yield (
                 lambda area: gains.without(
                     store.points(area, ordered=False, with_columns=bool(gains.column))
