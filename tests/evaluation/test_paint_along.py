@@ -287,9 +287,19 @@ def test_compare_takes_the_points_of_both_surveys(linework, tmp_path):
     )
     far = linework(*call, "--overwrite", *both[:2], "--new-survey", tmp_path / "far")
     assert (far.code, far.line) == (
-        3, f"error: {tmp_path / 'far'}: shows no paint of any marking of {tmp_path / 'new.gpkg'}. Give the points from"
+        3, f"error: {tmp_path / 'far'}: has no points beside any marking of {tmp_path / 'new.gpkg'}. Give the points from"
         " which these lines are.",
     )  # fmt: skip
+    # Too few points to see paint are enough to see ground
+    (tmp_path / "sparse").mkdir()
+    write_las(
+        Points(old.xyz[::400] + ORIGIN, intensity=old.intensity[::400]),
+        tmp_path / "sparse" / "p.laz",
+        crs=CRS,
+    )
+    sparse = linework(*call, "--overwrite", *both[:2], "--new-survey", tmp_path / "sparse")
+    assert sparse.code == 0, sparse.stderr
+    assert "shows no paint of any marking" in sparse.stderr
     alone = linework(*call, "--overwrite", *both[:2])
     assert (alone.code, alone.line) == (
         2, "error: the points of both surveys are compared. Give --new-survey too."

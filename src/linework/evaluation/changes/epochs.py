@@ -94,8 +94,8 @@ def compare_epochs(
         ground_back = ground_along(back, new, old, xyz, looks[::-1])
         there, back = without_unseen(there, old, ground), without_unseen(back, new, ground_back)
         shown = [
-            ground_compared(ground, old.kind[there.line]),
-            ground_compared(ground_back, new.kind[back.line]),
+            ground_compared(ground, old.kind[there.line], there.line),
+            ground_compared(ground_back, new.kind[back.line], back.line),
         ]
     if paint is not None:
         for worn in paint_changes(*whole, *paint, placed(paint[0].xy, registration)):

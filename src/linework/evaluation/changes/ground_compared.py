@@ -9,6 +9,7 @@ of either scanner.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.evaluation.changes.ground_seen import (
     N_STEPS,
+    ON_GROUND,
     PROFILE_STEP_M,
     STANDING,
     STEP_PLACES_M,
@@ -34,8 +36,9 @@ _RATIO_SIGMA = 0.5
 #: Deviation of what has gone over of a line that moved: half-way is two of them. The registration is good to a centimetre or
 #: two of the 5 that are looked at.
 _MOVE_SIGMA = 0.25
-#: Fewest places that tell how much lines that both found differ: a median is then known to a third of the spread.
-_FEWEST = 12
+#: Fewest stretches that tell how much lines that both found differ: a median is then known to a third of the spread. And
+#: stations of such a stretch: as much as half of those that are compared have.
+_FEWEST, _STRETCH = 12, 8
 #: Fewest places of what stands that were seen, a metre apart: a lorry with its trailer is 18.75 m long, and drives away.
 _FEWEST_PLACES = 20
 #: Least deviation of the ratio of lines that both found: paint and verges change within a year. [share]
@@ -223,34 +226,52 @@ class GroundCompared:
         return math.log(is_same / is_gone)
 
 
-def ground_compared(ground: GroundAlongLines, kinds: AnyArray) -> GroundCompared:
+def ground_compared(ground: GroundAlongLines, kinds: AnyArray, lines: IntArray) -> GroundCompared:
     """Return how the ground of two surveys compares.
 
     Parameters
     ----------
     ground
         What both show at stations of one survey's lines.
-    kinds
-        (n,) kind of the line of each station.
+    kinds, lines
+        (n,) kind and number of the line of each station.
     """
-    of_same = {}
     looked = np.flatnonzero(ground.row >= 0)
     found = looked[ground.is_found[ground.row[looked]]]
+    by_kind: dict[str, list[ShapeRatio]] = {}
+    of_same = {}
     for kind in sorted(set(kinds[found].tolist())):
+        own = found[kinds[found] == kind]
         if kind in STANDING:
-            row = ground.row[found[kinds[found] == kind]]
+            row = ground.row[own]
             of_all = standing_ratio(ground.own.at(row), ground.other.at(row))
             of_same[kind] = (1.0 if of_all is None else of_all.ratio), _RATIO_SIGMA
-            continue
-        ratios = [
-            one
-            for k in ground.row[found[kinds[found] == kind]].tolist()
-            if (one := shape_ratio(ground.own.at(np.array([k])), ground.other.at(np.array([k]))))
-        ]
-        if len(ratios) >= _FEWEST:
-            value, noise = np.array([(one.ratio, one.sigma) for one in ratios]).T
-            middle = float(np.median(value))
-            spread = 1.4826 * float(np.median(np.abs(value - middle)))
-            beyond = math.sqrt(max(spread**2 - float(np.median(noise)) ** 2, 0.0))
-            of_same[kind] = middle, max(beyond, _LEAST_SIGMA)
+        else:
+            rows = (ground.row[stations] for stations in _in_stretches(own, lines))
+            compared = (shape_ratio(ground.own.at(row), ground.other.at(row)) for row in rows)
+            by_kind[kind] = [one for one in compared if one is not None]
+    # Of kinds of which there are few, what all kinds tell
+    every = [one for ratios in by_kind.values() for one in ratios]
+    for kind in ON_GROUND:
+        ratios = by_kind.get(kind, [])
+        usual = _usual(ratios if len(ratios) >= _FEWEST else every)
+        if usual is not None:
+            of_same[kind] = usual
     return GroundCompared(ground, of_same)
+
+
+def _usual(ratios: list[ShapeRatio]) -> tuple[float, float] | None:
+    """Return the median of ratios, and their spread over what noise makes; None of too few."""
+    if len(ratios) < _FEWEST:
+        return None
+    value, noise = np.array([(one.ratio, one.sigma) for one in ratios]).T
+    middle = float(np.median(value))
+    spread = 1.4826 * float(np.median(np.abs(value - middle)))
+    beyond = math.sqrt(max(spread**2 - float(np.median(noise)) ** 2, 0.0))
+    return middle, max(beyond, _LEAST_SIGMA)
+
+
+def _in_stretches(stations: IntArray, lines: IntArray) -> Iterator[IntArray]:
+    """Yield stations, ascending, in stretches of one line: a single one has too few points, and those that stand out are chance."""
+    for of_line in np.split(stations, np.flatnonzero(np.diff(lines[stations])) + 1):
+        yield from np.array_split(of_line, max(len(of_line) // _STRETCH, 1))

@@ -20,7 +20,7 @@ from linework.model.lines import LineSet
 from linework.model.points import Points
 
 #: Kinds that lie on the ground, and show by what the ground beside them is like; and kinds that stand on it.
-_ON_GROUND, STANDING = ("lane_marking", "road_boundary", "kerb_top"), ("guardrail", "barrier", "fence")
+ON_GROUND, STANDING = ("lane_marking", "road_boundary", "kerb_top"), ("guardrail", "barrier", "fence")
 #: What stands is this near to its line across, from this far below its upper edge to that above it: a beam is 0.3 m high.
 #: What is beside it lies up to this far off and below. [m]
 _THICK_M, _UPPER_M, _BESIDE_IT_M, _BELOW_IT_M = 0.15, (-0.3, 0.05), 0.6, 1.5
@@ -60,6 +60,19 @@ class Places:
     xyz: FloatArray
     left: FloatArray
     half_m: FloatArray
+
+
+def marking_places(lines: LineSet, n: int) -> Places:
+    """Return about n places on lane markings, in the middle of pieces between vertices, or one in each piece of fewer."""
+    first, last = [], []
+    for number in np.flatnonzero(lines.kind == "lane_marking").tolist():
+        first.append(lines[number].xyz[:-1])
+        last.append(lines[number].xyz[1:])
+    a, b = (np.concatenate([np.zeros((0, 3)), *ends]) for ends in (first, last))
+    some = slice(None, None, max(len(a) // n, 1))
+    a, b = a[some], b[some]
+    ahead = (b - a)[:, :2] / np.maximum(np.linalg.norm((b - a)[:, :2], axis=1), 1e-9)[:, None]
+    return Places((a + b) / 2, np.stack([-ahead[:, 1], ahead[:, 0]], axis=1), np.zeros(len(a)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +246,7 @@ def ground_along(
     form, other_form = lines.form[stations.line], np.append(others.form, "")[stations.partner]
     is_other = is_moved | (is_found & (form != other_form) & (form != "") & (other_form != ""))
     looked = [np.zeros(0, dtype=np.int64)]
-    for one in (*_ON_GROUND, *STANDING):
+    for one in (*ON_GROUND, *STANDING):
         differs, found = (
             np.flatnonzero(which & (kind == one))
             for which in (is_other | _is_alone(stations), is_found & ~is_other)
@@ -270,7 +283,7 @@ def without_unseen(stations: EpochStations, lines: LineSet, ground: GroundAlongL
     is_found = np.append(ground.is_found, False)[ground.row]
     visible = stations.visible.copy()
     shows = np.append(ground.other.upper + ground.other.below, 0)[ground.row] > 0
-    for one in (*_ON_GROUND, *STANDING):
+    for one in (*ON_GROUND, *STANDING):
         found = np.flatnonzero(is_found & (kind == one))
         least = _ENOUGH
         if len(found):

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from linework.runs.steps import RunSteps
 
 
+#: Places on markings at which it is asked whether a survey has any points.
+_SOME = 200
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinesAndPoints:
     """The points of a survey, and its lines.
@@ -133,7 +137,7 @@ def points_of_both(
 ) -> tuple[tuple[PaintPieces, PaintPieces] | None, float, tuple[LookAtPlaces, LookAtPlaces]]:
     """Return what the points of two surveys show on their markings, how much of it can be compared at most [m], and looks.
 
-    Without markings in one of them there is no paint to compare.
+    Without markings in one of them, or paint that its points show, there is no paint to compare.
 
     Parameters
     ----------
@@ -145,12 +149,14 @@ def points_of_both(
     Raises
     ------
     InputError
-        As for `LinesAndPoints.paint`, or a survey shows no paint of any of its markings.
+        As for `LinesAndPoints.paint`, or a survey has no points beside any of its markings.
     """
     import numpy as np
 
+    from linework.cli.failures import warn
     from linework.errors import InputError
     from linework.evaluation.chainage.paint_along import paint_left
+    from linework.evaluation.changes.ground_seen import marking_places
 
     looks = old.look, new.look
     if not all("lane_marking" in survey.lines.kind for survey in (old, new)):
@@ -160,10 +166,13 @@ def points_of_both(
         shown = survey.paint()
         is_known = np.isfinite(paint_left(shown)[0])
         if not is_known.any():
-            raise InputError(
-                f"shows no paint of any marking of {path}", where=survey.paths[0],
-                advice="give the points from which these lines are",
-            )  # fmt: skip
+            if not survey.look(marking_places(survey.lines, _SOME)).number.any():
+                raise InputError(
+                    f"has no points beside any marking of {path}", where=survey.paths[0],
+                    advice="give the points from which these lines are",
+                )  # fmt: skip
+            warn(f"{survey.paths[0]}: shows no paint of any marking of {path}: paint is not compared.")
+            return None, 0.0, looks
         found.append(shown)
         known_m.append(float(shown.length_m[is_known].sum()))
     return (found[0], found[1]), min(known_m), looks
