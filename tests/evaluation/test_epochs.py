@@ -5,6 +5,7 @@ import pyogrio
 import pytest
 import shapely
 
+import linework.evaluation.changes.registration as registration_of
 from linework.crs import parse_crs
 from linework.errors import CrsError
 from linework.evaluation.changes.epochs import compare_epochs
@@ -141,6 +142,18 @@ def test_of_two_lines_the_one_that_moved_is_told_by_where_both_agree_before():
     near = registration.cells[:, 0] * 25.0 < 300.0
     assert np.abs(registration.shift_m[:, 1]).max() < 0.02
     assert registration.sigma_m[near, 0].max() < 0.08
+
+
+def test_a_street_tells_nothing_of_shifts_along_itself():
+    cells = np.array([[k, 0] for k in range(8)] + [[8, k] for k in range(8)])
+    across = np.array([[0.0, 1.0]] * 8 + [[1.0, 0.0]] * 8)
+    own = np.where(np.arange(16) < 8, 0.01, 0.2)
+    known = registration_of._known_from_beside(own, cells, across)
+    assert np.array_equal(known, own)
+    # Nor of what does not hang together with it
+    apart = np.where(np.arange(16)[:, None] < 8, cells, cells + 3)
+    known = registration_of._known_from_beside(own, apart, np.tile([0.0, 1.0], (16, 1)))
+    assert np.array_equal(known, own)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from tests.evaluation.test_ground_seen import LENGTH_M, ORIGIN, WIDTH_M, look, road, seen
@@ -144,6 +146,64 @@ def test_a_rail_of_which_the_other_survey_has_points_was_missed():
     assert [c.status for c in changes if np.isclose(c.from_m, 0.0) and c.line.xyz[0, 1] > ORIGIN[1]] == [
         "not visible"
     ]
+
+
+@pytest.mark.parametrize("top_m", [1.0, 2.5])
+def test_a_fence_is_gone_however_high_it_was(top_m):
+    line, its_points = rail(40.0, 120.0, top_m=top_m)
+    old = LineSet.concatenate([road(0.0, -3.0), line.with_columns(kind=["fence"])])
+    looks = look(with_more(seen(0.0, -3.0), its_points)), look(seen(0.0, -3.0, seed=2))
+    assert [one[:2] for one in told(old, road(0.0, -3.0), looks)] == [("gone", "rail")]
+
+
+def test_what_was_hidden_for_longer_than_was_seen_beside_it_is_not_gone():
+    old, new = road(0.0, 3.0, -3.0), road(0.0, -3.0)
+    after = seen(0.0, -3.0, seed=2)
+    x = after.xyz[:, 0] - ORIGIN[0]
+    after = after.take((x < 30.0) | (x > 170.0) | (np.abs(after.xyz[:, 1] - ORIGIN[1] - 3.0) > 0.5))
+    changes = compare_epochs(old, new, looks=(look(seen(0.0, 3.0, -3.0)), look(after)))[0]
+    assert [c.status for c in changes] == ["gone", "gone", "not visible"]
+    assert max(c.length_m for c in changes if c.status == "gone") < 35.0
+
+
+def test_a_rail_in_the_place_of_a_part_of_a_line_parts_what_is_gone():
+    edge = as_edges(road(3.0), "edge").with_columns(kind=["fence"])
+    between = rail(80.0, 120.0, top_m=0.0, offset_m=3.0)[0].with_columns(id=["instead"])
+    old = LineSet.concatenate([road(0.0, -3.0), edge])
+    new = LineSet.concatenate([road(0.0, -3.0), between])
+    changes = compare_epochs(old, new)[0]
+    stretches = sorted((c.from_m, c.to_m) for c in changes if c.line.id[0] == "at 3")
+    assert len(stretches) == 3
+    assert all(a[1] <= b[0] + 1.0 for a, b in pairwise(stretches))
+
+
+def test_paint_on_the_crown_of_a_road_is_told_by_its_brightness_alone():
+    old, new = road(0.0, 3.0, -3.0), road(3.0, -3.0)
+
+    def crowned(points):
+        up = -0.025 * np.abs(points.xyz[:, 1] - ORIGIN[1])
+        return Points(points.xyz + np.column_stack([0.0 * up, 0.0 * up, up]), intensity=points.intensity)
+
+    before, after = crowned(seen(0.0, 3.0, -3.0)), crowned(seen(3.0, -3.0, seed=2))
+    bright = told(old, new, (look(before), look(after)))
+    assert [one[:2] for one in bright] == [("gone", "at 0")]
+    assert told(old, new, (look(before), look(Points(after.xyz)))) == told(old, new)
+
+
+def test_how_alike_surveys_are_is_taken_from_neighbouring_stations():
+    x = np.arange(0.0, 900.1, 2.0)
+    rows = [ORIGIN + np.column_stack([x, np.full(len(x), y), 0.0 * x]) for y in (0.0, 3.0, -3.0)]
+    lines = LineSet.from_lines(rows, kind="lane_marking", width_m=WIDTH_M, sigma_xy_m=0.01, sigma_z_m=0.01)
+    asked = []
+
+    def shown(places):
+        asked.append(places.xyz)
+        return look_at_ground(places, lambda area: Points(np.zeros((0, 3))))
+
+    compare_epochs(lines, lines.take([0, 2]), looks=(shown, shown))
+    at = asked[0][np.abs(asked[0][:, 1] - ORIGIN[1]) < 1.0, 0]
+    assert 200 < len(at) < 700
+    assert np.median(np.diff(np.sort(at))) == pytest.approx(1.0)
 
 
 def test_what_is_no_longer_than_a_lorry_may_have_driven_away():

@@ -90,12 +90,17 @@ def stretches_of(
     return found
 
 
-def joined(lines: LineSet, i: int, parts: list[EpochChange]) -> EpochChange:
-    """Return stretches of the i-th line as one, from the start of the first to the end of the last."""
-    first, last = parts[0], parts[-1]
-    if first is last:
-        return first
-    return replace(first, line=line_stretch(lines.take([i]), first.from_m, last.to_m), to_m=last.to_m)
+def joined(lines: LineSet, i: int, parts: list[EpochChange]) -> list[EpochChange]:
+    """Return stretches of the i-th line, those as one between which no more is hidden than both are long."""
+    found = parts[:1]
+    for one in parts[1:]:
+        before = found[-1]
+        if one.from_m - before.to_m <= before.length_m + one.length_m:
+            line = line_stretch(lines.take([i]), before.from_m, one.to_m)
+            found[-1] = replace(before, line=line, to_m=one.to_m)
+        else:
+            found.append(one)
+    return found
 
 
 def existence_of(lines: LineSet, i: int) -> float:

@@ -111,7 +111,8 @@ def compare_epochs(
     for i in range(n_new):
         lost = (back.line == i) & (back.partner < 0) & ~back.bridged
         for change in new_there[i]:
-            lost[change.stations_of(back, i)] = False
+            if change.status != "unsure":
+                lost[change.stations_of(back, i)] = False
         changes += new_there[i]
         changes += stretches_of(new, back, i, lost & ~back.visible, "not visible", what="in the old survey")
     return changes + of_paint, registration
@@ -129,9 +130,10 @@ def _found_alone(
     """Return for both surveys, line by line, what only it found where the other could see: changes, and what is unsure.
 
     A line that is another kind in the other survey is one change, of the old line. What is hidden, or was bridged, between
-    two stretches does not part them: they were missed once, or have changed together, and so has what is between them.
+    two stretches does not part them: they were missed once, or have changed together, and so has what is between them where
+    it is no longer than both together.
     """
-    cases: list[tuple[int, int, EpochChange]] = []
+    cases: list[tuple[int, int, list[EpochChange]]] = []
     alone: list[Alone] = []
     found_m = []
     for side, (lines, others, stations, status, n, shown) in enumerate(surveys):
@@ -139,7 +141,7 @@ def _found_alone(
         both = (stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged
         both_m = STATION_M * np.bincount(stations.line[both], minlength=n)
         kinds = np.append(others.kind, "")[stations.instead]
-        n_both, first = np.cumsum(both), np.searchsorted(stations.line, np.arange(n))
+        first = np.searchsorted(stations.line, np.arange(n))
         for i in range(n):
             levels = levels_of(lines, i, status)
             found_m.append((levels, float(both_m[i])))
@@ -155,7 +157,8 @@ def _found_alone(
                     if side == 1 and kind not in _NOT_COMPARED:
                         continue
                 parts = stretches_of(lines, stations, i, here & (kinds == kind), named, what=what)
-                for _, own in groupby(parts, lambda one: n_both[first[i] + round(one.from_m / STATION_M)]):  # noqa: B023
+                n_parted = np.cumsum(both | (lost & (kinds != kind)))
+                for _, own in groupby(parts, lambda one: n_parted[first[i] + round(one.from_m / STATION_M)]):  # noqa: B023
                     one_case = list(own)
                     cases.append((side, i, joined(lines, i, one_case)))
                     says = 0.0
@@ -165,10 +168,13 @@ def _found_alone(
                     length_m = sum(one.length_m for one in one_case)
                     alone.append(Alone(levels, length_m, existence_of(lines, i), says))
     found: list[list[list[EpochChange]]] = [[[] for _ in range(n)] for *_, n, _ in surveys]
-    for (side, i, change), chance in zip(cases, change_probabilities(alone, found_m), strict=True):
-        is_sure = chance >= LIKELY_CHANGE
-        status, what = (change.status, change.what) if is_sure else ("unsure", change.what or change.status)
-        found[side][i].append(replace(change, status=status, what=what, probability=chance))
+    for (side, i, rows), chance in zip(cases, change_probabilities(alone, found_m), strict=True):
+        for change in rows:
+            is_sure = chance >= LIKELY_CHANGE
+            status, what = (
+                (change.status, change.what) if is_sure else ("unsure", change.what or change.status)
+            )
+            found[side][i].append(replace(change, status=status, what=what, probability=chance))
     return found
 
 
@@ -184,5 +190,6 @@ def _hidden(lines: LineSet, stations: EpochStations, i: int, known: list[EpochCh
         (stations.line == i) & ~stations.bridged & ((stations.partner >= 0) & stations.partner_bridged | lost)
     )
     for change in known:
-        hidden[change.stations_of(stations, i)] = False
+        if change.status != "unsure":
+            hidden[change.stations_of(stations, i)] = False
     return stretches_of(lines, stations, i, hidden, "not visible")

@@ -21,6 +21,7 @@ from linework.evaluation.changes.ground_seen import (
     PROFILE_STEP_M,
     STANDING,
     STEP_PLACES_M,
+    STRETCH,
     GroundAlongLines,
     GroundAtPlaces,
 )
@@ -36,9 +37,8 @@ _RATIO_SIGMA = 0.5
 #: Deviation of what has gone over of a line that moved: half-way is two of them. The registration is good to a centimetre or
 #: two of the 5 that are looked at.
 _MOVE_SIGMA = 0.25
-#: Fewest stretches that tell how much lines that both found differ: a median is then known to a third of the spread. And
-#: stations of such a stretch: as much as half of those that are compared have.
-_FEWEST, _STRETCH = 12, 8
+#: Fewest stretches that tell how much lines that both found differ: a median is then known to a third of the spread.
+_FEWEST = 12
 #: Fewest places of what stands that were seen, a metre apart: a lorry with its trailer is 18.75 m long, and drives away.
 _FEWEST_PLACES = 20
 #: Least deviation of the ratio of lines that both found: paint and verges change within a year. [share]
@@ -68,7 +68,7 @@ def shape_ratio(own: GroundAtPlaces, other: GroundAtPlaces) -> ShapeRatio | None
         What both surveys show at the same places, of one stretch of line.
     """
     product = square = 0.0
-    for channel in (0, 1):
+    for channel in _channels(own):
         here, there = (_size_of_shape(ground, channel) for ground in (own, other))
         if here is not None and there is not None:
             (size, variance), (other_size, other_variance) = here, there
@@ -92,7 +92,7 @@ def move_ratio(own: GroundAtPlaces, other: GroundAtPlaces, away_m: float) -> Sha
     """
     weights = found = 0.0
     before, after = (_shape_at(float(own.half_m.mean()), q) for q in (0.0, away_m))
-    for channel in (0, 1):
+    for channel in _channels(own):
         size = _size_of_shape(own, channel)
         here, there = (_profile(ground, channel) for ground in (own, other))
         if size is None or size[0] ** 2 < size[1] or here is None or there is None:
@@ -122,6 +122,11 @@ def standing_ratio(own: GroundAtPlaces, other: GroundAtPlaces) -> ShapeRatio | N
     share = float((other.upper[seen] > 0).mean())
     # Of a share of 0 or 1 of few places it is not known that it is that of all
     return ShapeRatio(share, math.sqrt((share * (1.0 - share) + 1.0 / n) / n))
+
+
+def _channels(ground: GroundAtPlaces) -> tuple[int, ...]:
+    """Return what shows a line: paint its brightness (1) alone, as a road may be crowned under it, an edge its height (0), too."""
+    return (1,) if ground.half_m.mean() > 0.0 else (0, 1)
 
 
 def _size_of_shape(ground: GroundAtPlaces, channel: int) -> tuple[float, float] | None:
@@ -274,4 +279,4 @@ def _usual(ratios: list[ShapeRatio]) -> tuple[float, float] | None:
 def _in_stretches(stations: IntArray, lines: IntArray) -> Iterator[IntArray]:
     """Yield stations, ascending, in stretches of one line: a single one has too few points, and those that stand out are chance."""
     for of_line in np.split(stations, np.flatnonzero(np.diff(lines[stations])) + 1):
-        yield from np.array_split(of_line, max(len(of_line) // _STRETCH, 1))
+        yield from np.array_split(of_line, max(len(of_line) // STRETCH, 1))

@@ -22,8 +22,10 @@ from linework.model.points import Points
 #: Kinds that lie on the ground, and show by what the ground beside them is like; and kinds that stand on it.
 ON_GROUND, STANDING = ("lane_marking", "road_boundary", "kerb_top"), ("guardrail", "barrier", "fence")
 #: What stands is this near to its line across, from this far below its upper edge to that above it: a beam is 0.3 m high.
-#: What is beside it lies up to this far off and below. [m]
-_THICK_M, _UPPER_M, _BESIDE_IT_M, _BELOW_IT_M = 0.15, (-0.3, 0.05), 0.6, 1.5
+#: What is beside it, however far below, lies up to this far off. [m]
+_THICK_M, _UPPER_M, _BESIDE_IT_M = 0.15, (-0.3, 0.05), 0.6
+#: Markings of which no width is known are as wide as most. [m]
+_USUAL_WIDTH_M = 0.12
 #: What is beside a line, from this far off its edge to that; and half of the length that is looked at: stations are 1 m
 #: apart. [m]
 _BESIDE_M, _HALF_M = (0.05, 0.35), 0.5
@@ -36,6 +38,9 @@ _SPARSEST = 0.01
 _ENOUGH = 5
 #: Places that say how many points a survey has beside lines of a kind: one in a hundred is one of the five sparsest.
 _MOST_PLACES = 500
+#: Stations of a stretch, as much as half of those that are compared have; and most places at which a line that both surveys
+#: found elsewhere, or of another form, is looked at.
+STRETCH, _MOST_DIFFERING = 8, 20_000
 #: Points are read by tiles of this side. [m]
 _TILE_M = 64.0
 #: A profile across a line: how far it reaches to either side, and its steps. Kerbs and paint are 0.1 to 0.3 m wide. [m]
@@ -159,7 +164,7 @@ def look_at_ground(
             across, up, bright = _beside_place(places, row, points.xyz[own], value[own])
             away, is_high = np.abs(across), up > _UPPER_M[0]
             found.upper[row] = np.count_nonzero(is_high & (up < _UPPER_M[1]) & (away <= _THICK_M))
-            found.below[row] = np.count_nonzero(~is_high & (up > -_BELOW_IT_M) & (away <= _BESIDE_IT_M))
+            found.below[row] = np.count_nonzero(~is_high & (away <= _BESIDE_IT_M))
             on_ground = np.abs(up) <= _NEAR_GROUND_M
             across, up, bright = across[on_ground], up[on_ground], bright[on_ground]
             found.fewest[row] = _fewest_at(across, float(places.half_m[row]))
@@ -234,7 +239,8 @@ def ground_along(
         At the points of this survey, and of the other one.
     """
     kind = lines.kind[stations.line]
-    width_m = np.where(kind == "lane_marking", np.nan_to_num(lines.width_m[stations.line], nan=0.0), 0.0)
+    width_m = np.nan_to_num(lines.width_m[stations.line], nan=_USUAL_WIDTH_M)
+    width_m = np.where(kind == "lane_marking", np.where(width_m > 0.0, width_m, _USUAL_WIDTH_M), 0.0)
     is_found = (stations.partner >= 0) & ~stations.bridged & ~stations.partner_bridged
     # Where the other survey has its own line: its place, not that of this one
     shift_m = np.nan_to_num(np.column_stack([stations.left * stations.across_m[:, None], stations.up_m]))
@@ -247,12 +253,13 @@ def ground_along(
     is_other = is_moved | (is_found & (form != other_form) & (form != "") & (other_form != ""))
     looked = [np.zeros(0, dtype=np.int64)]
     for one in (*ON_GROUND, *STANDING):
-        differs, found = (
+        alone, differs, found = (
             np.flatnonzero(which & (kind == one))
-            for which in (is_other | _is_alone(stations), is_found & ~is_other)
+            for which in (_is_alone(stations), is_other, is_found & ~is_other)
         )
+        differs = np.concatenate([alone, _some_stretches(differs, _MOST_DIFFERING)])
         if len(differs):
-            looked += [differs, found[:: max(-(-len(found) // _MOST_PLACES), 1)]]
+            looked += [differs, _some_stretches(found, _MOST_PLACES)]
     rows = np.unique(np.concatenate(looked))
     row = np.full(len(kind), -1)
     row[rows] = np.arange(len(rows))
@@ -261,6 +268,16 @@ def ground_along(
         for look, place in zip(looks, (stations.xyz, at), strict=True)
     )
     return GroundAlongLines(row, own, other, (is_found & ~is_other)[rows], away_m[rows])
+
+
+def _some_stretches(rows: IntArray, most: int) -> IntArray:
+    """Return rows in stretches of `STRETCH` neighbours, about as many as are asked for, spread evenly over all.
+
+    >>> _some_stretches(np.arange(64), 32).tolist() == [*range(8), *range(16, 24), *range(32, 40), *range(48, 56)]
+    True
+    """
+    every = max(-(-len(rows) // most), 1)
+    return np.asarray(rows[(np.arange(len(rows)) // STRETCH) % every == 0], dtype=np.int64)
 
 
 def _is_alone(stations: EpochStations) -> BoolArray:

@@ -31,6 +31,8 @@ _DRIFT_M = 0.03
 _ROUNDS, _LAST_ROUNDS = 30, 10
 #: What lines usually differ by shows where they agree: half of a road may have changed. [share of cells]
 _WHERE_LINES_AGREE = 0.25
+#: Cells that touch, at corners, too. And lines that run within 25 degrees of each other. [cells, cosine]
+_BESIDE_CELLS, _SAME_WAY = 1.5, 0.9
 #: What a cell farther away knows, the drift has made as uncertain as half of what the surveys may be apart. [cells]
 _KNOWN_CELLS = round((0.5 * _PRIOR_SHIFT_M / _DRIFT_M) ** 2)
 
@@ -83,7 +85,7 @@ def registered(stations: EpochStations) -> Registration:
     rise = np.array([own for own, _ in rest])
     sigma_m = np.array([own for _, own in rest]).reshape(-1, 2)
     if len(cells):
-        sigma_m[:, 0] = _known_from_beside(sigma_m[:, 0], cells)
+        sigma_m[:, 0] = _known_from_beside(sigma_m[:, 0], cells, np.array([one.across for one in listed]))
     return Registration(
         cells.reshape(-1, 2), np.column_stack([found[:, :2], rise]), found[:, 2],
         sigma_m, np.array([len(one.share) for one in listed], dtype=np.int64),
@@ -135,6 +137,12 @@ class _Cell:
         """Return how much each station counts."""
         return np.asarray((self.share / np.bincount(self.line))[self.line])
 
+    @property
+    def across(self) -> FloatArray:
+        """Return the unit vector across most of its lines."""
+        left = self.design[:, :2]
+        return np.asarray(np.linalg.eigh(left.T @ (self.weight[:, None] * left))[1][:, -1])
+
     def off(self, found: FloatArray) -> FloatArray:
         """Return what lines are off by after registration, in stated deviations."""
         across = self.across_m - self.design @ found
@@ -171,7 +179,7 @@ def _shifts_and_turns(listed: list[_Cell], cells: IntArray) -> FloatArray:
     farther off than usual counts less and less (Cauchy's weights).
     """
     k = len(listed)
-    beside = cKDTree(cells).query_pairs(1.5, output_type="ndarray")
+    beside = cKDTree(cells).query_pairs(_BESIDE_CELLS, output_type="ndarray")
     prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
     links = coo_array((np.full(len(beside), 1.0 / _DRIFT_M**2), (beside[:, 0], beside[:, 1])), shape=(k, k))
     even = kron(laplacian((links + links.T).tocsr()), np.diag([1.0, 1.0, 0.0]))
@@ -201,17 +209,32 @@ def _cauchy(off: FloatArray, usual: float) -> FloatArray:
     return np.asarray(1.0 / (1.0 + (off / usual) ** 2))
 
 
-def _known_from_beside(sigma_m: FloatArray, cells: IntArray) -> FloatArray:
+def _known_from_beside(sigma_m: FloatArray, cells: IntArray, across: FloatArray) -> FloatArray:
     """Return deviations of shifts in plan, (k,) [m]: what a cell nearby knows better is known here but for the drift between.
 
-    >>> _known_from_beside(np.array([0.01, 0.2, 0.2]), np.array([[0, 0], [1, 0], [3, 0]])).round(3).tolist()
-    [0.01, 0.032, 0.053]
+    Of cells that hang together, and whose lines run the same way: along its lines no cell knows a shift.
+
+    Parameters
+    ----------
+    sigma_m, cells, across
+        (k,) own deviations [m], (k, 2) cells, (k, 2) unit vectors across the lines of each.
+
+    >>> three = np.array([[0, 0], [1, 0], [2, 0]])
+    >>> north = np.tile([0.0, 1.0], (3, 1))
+    >>> _known_from_beside(np.array([0.01, 0.2, 0.2]), three, north).round(3).tolist()
+    [0.01, 0.032, 0.044]
     """
-    near = cKDTree(cells).query_pairs(_KNOWN_CELLS, output_type="ndarray")
-    both = np.concatenate([near, near[:, ::-1]])
-    apart = np.linalg.norm(cells[both[:, 0]] - cells[both[:, 1]], axis=1)
+    tree = cKDTree(cells)
+    k = len(cells)
+    beside = tree.query_pairs(_BESIDE_CELLS, output_type="ndarray")
+    links = coo_array((np.ones(len(beside), dtype=bool), (beside[:, 0], beside[:, 1])), shape=(k, k))
+    part = connected_components(links, directed=False)[1]
     known = sigma_m.copy()
-    np.minimum.at(known, both[:, 0], np.hypot(sigma_m[both[:, 1]], _DRIFT_M * np.sqrt(apart)))
+    for i in range(len(cells)):
+        own = np.array(tree.query_ball_point(cells[i], _KNOWN_CELLS))
+        own = own[(part[own] == part[i]) & (np.abs(across[own] @ across[i]) >= _SAME_WAY)]
+        apart = np.linalg.norm(cells[own] - cells[i], axis=1)
+        known[i] = min(known[i], float(np.hypot(sigma_m[own], _DRIFT_M * np.sqrt(apart)).min()))
     return known
 
 

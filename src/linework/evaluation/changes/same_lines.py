@@ -168,8 +168,8 @@ def changes_of_same(
             # Two surveys may call one edge kerb and edge: where the ground looks the same, it is
             says = 0.0
             if shown is not None and sort in ("form", ""):
-                where = np.concatenate([differs[c] for c in own.tolist()])
-                says = shown.log_odds(str(old.kind[i]), where, moved=not sort)
+                longest = differs[max(own.tolist(), key=lambda c: lengths_m[c])]
+                says = shown.log_odds(str(old.kind[i]), longest, moved=not sort)
             alone.append(Alone(levels[i], sum(lengths_m[c] for c in own.tolist()), confidence[i], says))
         chances = change_probabilities(alone, [(levels[i], float(left_m[i])) for i in range(n)])
         for (i, k), g in zip(cases, group.tolist(), strict=True):

@@ -172,7 +172,6 @@ def points_of_both(
                     advice="give the points from which these lines are",
                 )  # fmt: skip
             warn(f"{survey.paths[0]}: shows no paint of any marking of {path}: paint is not compared.")
-            return None, 0.0, looks
         found.append(shown)
         known_m.append(float(shown.length_m[is_known].sum()))
-    return (found[0], found[1]), min(known_m), looks
+    return ((found[0], found[1]) if all(known_m) else None), min(known_m), looks
