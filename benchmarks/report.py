@@ -29,7 +29,7 @@ from linework.evaluation.chainage.samples import clearance_samples, crossings_at
 from linework.evaluation.report.tables import ReportTable
 from linework.lines.crosscuts import cross_cuts
 from linework.simulation.folder import write_survey_folder
-from linework.simulation.scene.paint import paint_cover, smooth_noise
+from linework.simulation.scene.paint import paint_cover, smooth_noise, stain_shade
 from linework.simulation.simulate import simulate_survey
 
 #: Seeds that nothing was tuned on.
@@ -37,6 +37,8 @@ SEEDS = "2501-2503"
 ROADS = ("straight", "bends", "urban", "motorway", "rural", "village")
 #: Quantities of paint are summed up over intervals, too. [m]
 EVERY_M = 10.0
+#: The road beside paint is that about this far from its edge. [m]
+BESIDE_M = 0.11
 #: Samples of the same place are this near to each other. [m]
 SAME_M = 0.6
 
@@ -130,12 +132,31 @@ def painted(survey, pieces, row):
     grid = np.stack(
         np.meshgrid(np.linspace(s - half_s, s + half_s, 41), np.linspace(q - half_q, q + half_q, 7)), axis=-1
     )
-    cover = paint_cover(grid.reshape(-1, 2), scenario.layout.markings, scenario.seed)
-    left = float((cover >= 0.5).mean())
-    # Patches of other asphalt along the road, as the simulator has them
-    shade = float(smooth_noise(np.array([s / 12.0]), np.array([q / 2.5]), scenario.seed + 102)[0])
-    contrast = None if left < 0.2 else scenario.sensor.contrast / (1.0 + 0.3 * (shade - 0.5))
-    return 100 * left, contrast, near[0].width_m
+    place = grid.reshape(-1, 2)
+    cover = paint_cover(place, scenario.layout.all_markings, scenario.seed)
+    is_left = cover >= 0.5
+    if is_left.mean() < 0.2:
+        return 100 * float(is_left.mean()), None, near[0].width_m
+    # Brightness in that of plain asphalt; where paint thins out the road shows through
+    road = road_shade(scenario, place)
+    paint = np.median((road + cover * (scenario.sensor.contrast - road))[is_left])
+    edge = np.array([0.0, 0.5 * near[0].width_m + BESIDE_M])
+    beside = [place - edge, place + edge]
+    return (
+        100 * float(is_left.mean()),
+        paint / road_shade(scenario, np.concatenate(beside)).mean(),
+        near[0].width_m,
+    )
+
+
+def road_shade(scenario, place):
+    """Return how bright the asphalt is at (n, 2) places: stones, patches along the road, and stains, as the simulator has them."""
+    fine, patch = (
+        smooth_noise(place[:, 0] / along, place[:, 1] / across, scenario.seed + seed)
+        for along, across, seed in ((0.3, 0.3, 101), (12.0, 2.5, 102))
+    )
+    shade = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
+    return shade * stain_shade(place, scenario.layout.all_stains)
 
 
 def in_bounds(points):
