@@ -44,6 +44,12 @@ def points(
     return Points(xyz, intensity=value.astype(np.float32))
 
 
+def share_of(left, *, seed=1, from_m=0.0, to_m=LENGTH_M):
+    """Return the share of the core of the marking [%] that the patches of `points` cover."""
+    patch = np.random.default_rng(seed + 1).random((int(LENGTH_M / 0.1), 3))[:, 1]
+    return 100 * np.mean(patch[round(from_m / 0.1) : round(to_m / 0.1)] < left)
+
+
 def within(cloud):
     def inside(bounds):
         x, y = cloud.xyz[:, 0], cloud.xyz[:, 1]
@@ -65,8 +71,11 @@ def test_the_share_that_is_left_is_measured_with_its_deviation(left):
     found = measured(marking(), points(left))
     share, sigma = found["remaining_paint"].T
     assert len(share) == LENGTH_M / 2
-    assert abs(share.mean() - 100 * left) < 4.0
-    assert np.all(np.abs(share - 100 * left) < 4 * sigma + 1.0)
+    true = np.array([share_of(left, from_m=2.0 * k, to_m=2.0 * k + 2.0) for k in range(20)])
+    assert abs(share.mean() - true.mean()) < 1.5
+    assert np.all(np.abs(share - true) < 4 * sigma + 1.0)
+    # Patches of 10 cm are seen by 9 points each: the deviation is that of the points, not that of so many patches
+    assert np.sqrt(np.mean(sigma**2)) < 100 * np.sqrt(0.25 / 60)
     assert np.nanmedian(found["contrast"][:, 0]) == pytest.approx(CONTRAST, rel=0.04)
     if left == 1.0:
         width, width_sigma = found["width"].T
@@ -92,6 +101,53 @@ def test_whole_paint_on_brighter_asphalt_is_whole():
     share = measured(marking(), cloud)["remaining_paint"][:, 0]
     # Where the asphalt changes, one piece may have that of the other
     assert np.count_nonzero(np.abs(share - 100.0) > 12.0) <= 1
+
+
+def with_factor(cloud, where, factor):
+    return Points(cloud.xyz, intensity=np.where(where, cloud.intensity * factor, cloud.intensity))
+
+
+def test_bare_places_on_a_road_that_is_brighter_on_one_side_are_no_paint():
+    """A wheel track beside worn paint is darker than the road under it, which is as bright as that on the other side."""
+    cloud = points(0.25)
+    y = cloud.xyz[:, 1]
+    share = measured(marking(), with_factor(cloud, y < -0.075, 0.7))["remaining_paint"][:, 0]
+    assert abs(share.mean() - share_of(0.25)) < 4.0
+    # Farther away another road begins, on which the paint does not lie
+    share = measured(marking(), with_factor(cloud, np.abs(y) > 0.25, 0.5))
+    assert abs(np.nanmedian(share["contrast"][:, 0]) - CONTRAST) < 0.1
+
+
+def test_remains_are_no_whole_paint_where_nothing_else_is_left():
+    """Of 20 m and more only thin remains are left, 1.2 times as bright as road."""
+    thin = with_factor(points(0.0), np.abs(points(0.0).xyz[:, 1]) < WIDTH_M / 2, 1.2)
+    share = measured(marking(), worn_from(points(0.9), thin, 16.0))["remaining_paint"][:, 0]
+    assert share[:8].mean() > 80.0 and share[8:].max() < 10.0
+
+
+def test_paint_is_as_bright_on_a_short_dark_patch():
+    """Whole paint on asphalt that is a third as bright for 4 m is 7.5 times as bright as that, before and behind 2.5 times."""
+    cloud = points(0.8)
+    x, y = cloud.xyz[:, 0], cloud.xyz[:, 1]
+    bare = (np.abs(y) >= WIDTH_M / 2) | (cloud.intensity < 160.0)
+    for factor in (1.0 / 3.0, 1.7):
+        patched = with_factor(cloud, bare & (x > 16.0) & (x < 20.0), factor)
+        share = measured(marking(), patched)["remaining_paint"][:, 0]
+        true = [share_of(0.8, from_m=2.0 * k, to_m=2.0 * k + 2.0) for k in range(20)]
+        np.testing.assert_allclose(share, true, atol=15.0)
+
+
+def test_the_road_between_two_stripes_is_none_to_refer_to():
+    """What the stripes of a double line leave between them is brighter by their blurred edges, and has few points."""
+    cloud = points(1.0, per_m2=500, noise=0.04)
+    y = cloud.xyz[:, 1]
+    bright = with_factor(cloud, np.abs(y - 0.26) < WIDTH_M / 2, CONTRAST)
+    bright = with_factor(bright, (y > 0.115) & (y < 0.145), 1.4)
+    line = marking()[0].xyz
+    shapes = [line, line + np.array([0.0, 0.26, 0.0])]
+    lines = LineSet.from_lines(shapes, kind="lane_marking", id=["a", "b"], pattern="solid", width_m=WIDTH_M)
+    contrast = measured(lines, bright)["contrast"][:, 0]
+    assert len(contrast) == LENGTH_M and np.nanmax(np.abs(contrast - CONTRAST)) < 0.25
 
 
 def test_paint_that_cannot_be_told_apart_is_unknown():
@@ -122,8 +178,8 @@ def test_a_report_has_rows_of_paint():
     rows = [r for r in report.rows if (r.quantity, r.statistic) == ("remaining_paint", "mean")]
     assert [r.line for r in rows] == ["middle"] * 4 and {r.unit for r in rows} == {"%"}
     for row in rows:
-        assert abs(row.value - 60.0) < 4 * row.sigma
-        assert row.sigma < 7.0 and row.n == 5
+        assert abs(row.value - share_of(0.6, from_m=row.from_m, to_m=row.to_m)) < 4 * row.sigma
+        assert row.sigma < 4.0 and row.n == 5
 
 
 def test_the_command_reads_the_points_where_the_lines_are(linework, tmp_path):
@@ -163,7 +219,9 @@ def test_stretches_of_a_marking_are_means_of_its_pieces_with_their_deviation():
     ]
     left, sigma = np.array([one.values["remaining_paint"] for one in found]).T
     np.testing.assert_allclose(left, [90, 90, 30, 30], atol=12.0)
-    assert (sigma > 1.0).all() and (sigma < 8.0).all() and (np.abs(left - [90, 90, 30, 30]) < 4 * sigma).all()
+    worn = [(0.9, 1), (0.9, 1), (0.3, 5), (0.3, 5)]
+    true = [share_of(a, seed=b, from_m=10.0 * k, to_m=10.0 * k + 10.0) for k, (a, b) in enumerate(worn)]
+    assert (sigma > 0.5).all() and (sigma < 4.0).all() and (np.abs(left - true) < 4 * sigma).all()
     assert [one.measured_share for one in found] == [1.0] * 4
     hidden = cloud.take(cloud.xyz[:, 0] < 30.0)
     last = paint_stretches(lines, paint_pieces(lines, within(hidden)))[-1]

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, IntArray
-from linework.evaluation.chainage.paint_points import N_RATIOS, PaintPieces, ratio_of_bin
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.evaluation.chainage.paint_points import N_RATIOS, PaintPieces, bins_of_factor, ratio_of_bin
 from linework.evaluation.chainage.samples import Sample
 from linework.lines.along import PaintStretch
 from linework.lines.crosscuts import Axis
@@ -31,8 +32,11 @@ _MOST_OF_WIDTH = 0.25
 _ROAD_SIGMAS = 2.0
 #: Pieces this near have the same road beside them: patches of other asphalt are longer. [m]
 _SAME_ROAD_M = 10.0
-#: Places this near to each other have paint or none together: worn patches are decimetres wide. [m]
-_PATCH_M = 0.10
+#: Rounds after which the share of paint among some points changes by less than a hundredth.
+_N_ROUNDS = 10
+#: Points this near to each other show the same place: a spot of the beam. Points farther apart lie at random on paint and
+#: bare places, however large these are, and their share errs by as much as that of as many draws. [m]
+_SPOT_M = 0.02
 
 
 def paint_samples(lines: LineSet, axis: Axis, pieces: PaintPieces) -> Iterator[Sample]:
@@ -104,24 +108,102 @@ def _by_marking(pieces: PaintPieces) -> Iterator[tuple[IntArray, dict[int, _Meas
     """Yield the pieces of each marking, and what was measured of each.
 
     The brightness of whole paint is that of the pieces about each: the road beside it, to which it is a ratio, is brighter
-    on one patch of asphalt than on another. Where little paint is left it is that of the whole marking.
+    on one patch of asphalt than on another. What the pieces about show is no whole paint where that of the whole marking
+    is far from it: little is left there, and remains are hardly brighter than road.
     """
     for number in np.unique(pieces.line).tolist():
         rows = np.flatnonzero(pieces.line == number)
-        on, beside = pieces.on[rows], pieces.beside[rows]
-        usual = _whole_paint(on.sum(axis=0), beside.sum(axis=0))
+        marking = pieces.take(rows)
+        usual, every = _usual_paint(marking), (marking.on.sum(axis=0), marking.beside.sum(axis=0))
+        near = cKDTree(marking.xy).query_ball_point(marking.xy, _SAME_ROAD_M)
         found = {}
-        for row, about in zip(
-            rows.tolist(),
-            cKDTree(pieces.xy[rows]).query_ball_point(pieces.xy[rows], _SAME_ROAD_M),
-            strict=True,
-        ):
-            here = on[about].sum(axis=0), beside[about].sum(axis=0)
-            whole = None if usual is None else _whole_paint(*here)
-            if whole is None:
-                whole, here = usual, (on.sum(axis=0), beside.sum(axis=0))
-            found[row] = _measured(pieces, row, whole, _mistaken(*here, whole))
+        for i, about in enumerate(near):
+            whole, here = None, every
+            if usual.ratio is not None:
+                whole, shown = _whole_about(marking, i, marking.take(np.array(about)), usual)
+                here = shown or every
+            found[int(rows[i])] = _measured(marking, i, whole, _mistaken(*here, whole))
         yield rows, found
+
+
+class _Usual(NamedTuple):
+    """Whole paint of a marking: its ratio to the road beside, None where it cannot be distinguished from it, and its brightness by number of looks."""
+
+    ratio: float | None
+    brightness: dict[int, float]
+
+
+def _usual_paint(marking: PaintPieces) -> _Usual:
+    """Return what whole paint is like along all of a marking."""
+    plain = marking.beside.sum(axis=0)
+    brightness = {}
+    for n in np.unique(marking.n_looks).tolist():
+        road = marking.road[(marking.n_looks == n) & (marking.road > 0.0)]
+        if len(road):
+            mean = float(np.exp(np.mean(np.log(road))))
+            ratio = _whole_paint(
+                _on_same_road(marking.take(np.flatnonzero(marking.n_looks == n)), mean, n), plain
+            )
+            if ratio is not None:
+                brightness[n] = ratio * mean
+    return _Usual(_whole_paint(marking.on.sum(axis=0), plain), brightness)
+
+
+def _whole_about(
+    marking: PaintPieces, i: int, about: PaintPieces, usual: _Usual
+) -> tuple[float, tuple[IntArray, IntArray] | None]:
+    """Return the ratio of whole paint to road at one piece, and the points on and beside paint that show it, if any.
+
+    Either ratios are alike, as where dirt or water darkens paint and road, or paint is equally bright on whatever road it
+    lies. What explains the points on the piece better is chosen. Where the pieces about show no whole paint it is that of
+    the whole marking.
+    """
+    own, road, n_looks = marking.on[i], float(marking.road[i]), int(marking.n_looks[i])
+    plain = about.beside.sum(axis=0)
+    by_marking = [usual.ratio or 0.0]
+    if road > 0.0 and n_looks in usual.brightness:
+        by_marking.append(usual.brightness[n_looks] / road)
+    found = []
+    for on in (about.on.sum(axis=0), _on_same_road(about, road, n_looks)):
+        ratio = _whole_paint(on, plain)
+        if ratio is not None and any(_is_whole(ratio, one) for one in by_marking):
+            found.append((ratio, (on, plain)))
+    if found:
+        return max(found, key=lambda one: _likelihood(own, plain, one[0]))
+    return max(by_marking, key=lambda one: _likelihood(own, plain, one)), None
+
+
+def _likelihood(on: IntArray, beside: IntArray, whole: float) -> float:
+    """Return the logarithm of the likelihood of points that lie on paint, on bare road, or anywhere.
+
+    Bare road varies as that beside, and so does paint, as speckle is a factor; the share of paint is that which explains
+    the points best.
+    """
+    if not on.any():
+        return 0.0
+    plain = beside / max(int(beside.sum()), 1)
+    step = min(max(int(bins_of_factor(np.array([whole]))[0]), 0), N_RATIOS)
+    paint = np.concatenate([np.zeros(step), plain[: N_RATIOS - step]])
+    chance = np.stack([paint, plain, np.full(N_RATIOS, 1.0 / N_RATIOS)])
+    share = np.full(3, 1.0 / 3.0)
+    for _ in range(_N_ROUNDS):
+        each = share[:, None] * chance
+        share = (each / each.sum(axis=0)) @ on / max(int(on.sum()), 1)
+    return float(on[on > 0] @ np.log((share @ chance)[on > 0]))
+
+
+def _on_same_road(about: PaintPieces, road: float, n_looks: int) -> IntArray:
+    """Return the points on all pieces about one, by their ratio to the road beside that one.
+
+    Along a marking its paint is equally bright, on whatever road it lies. Pieces that were seen in fewer or more looks
+    cannot be compared by brightness, and count by their own ratios.
+    """
+    alike = (about.n_looks == n_looks) & (about.road > 0.0) & (road > 0.0)
+    brighter = np.where(alike, about.road, 1.0) / np.where(alike, road, 1.0)
+    source = np.arange(N_RATIOS) - bins_of_factor(brighter)[:, None]
+    inside = (source >= 0) & (source < N_RATIOS)
+    shifted = np.where(inside, np.take_along_axis(about.on, np.clip(source, 0, N_RATIOS - 1), axis=1), 0)
+    return np.asarray(shifted.sum(axis=0))
 
 
 def _whole_paint(on: IntArray, beside: IntArray) -> float | None:
@@ -139,8 +221,7 @@ def _whole_paint(on: IntArray, beside: IntArray) -> float | None:
     # What is left of worn paint is hardly brighter than road
     whole = float(ratio[int(np.argmax(common * (1.0 - 1.0 / ratio)))])
     for _ in range(N_RATIOS):
-        middle = 0.5 * (1.0 + whole)
-        painted = np.where((ratio >= middle) & (ratio <= whole * whole / middle), on, 0)
+        painted = np.where(_is_whole(ratio, whole), on, 0)
         if whole <= plain or painted.sum() < _LEAST_PAINTED:
             return None
         renewed = _quantile(painted, 0.5)
@@ -148,6 +229,12 @@ def _whole_paint(on: IntArray, beside: IntArray) -> float | None:
             break
         whole = renewed
     return whole
+
+
+def _is_whole(ratio: FloatArray | float, whole: float) -> BoolArray:
+    """Return which ratios are nearer to whole paint than to road, and as little above it: neither remains nor studs."""
+    middle = 0.5 * (1.0 + whole)
+    return np.asarray((ratio >= middle) & (ratio <= whole * whole / middle))
 
 
 def _mistaken(on: IntArray, beside: IntArray, whole: float | None) -> tuple[float, float]:
@@ -177,21 +264,21 @@ def _measured(pieces: PaintPieces, row: int, whole: float | None, mistaken: tupl
     share = float(painted.sum()) / n
     scale = 1.0 - sum(mistaken)
     left = min(max((share - mistaken[0]) / scale, 0.0), 1.0)
-    n_patches = min(float(n), max(pieces.area_m2[row] / _PATCH_M**2, 1.0))
+    n_places = min(float(n), max(pieces.area_m2[row] / _SPOT_M**2, 1.0))
     # By Laplace's rule, as a share of 0 or 1 among a few places is not exact
-    likely = (share * n_patches + 1.0) / (n_patches + 2.0)
+    likely = (share * n_places + 1.0) / (n_places + 2.0)
     found = hidden | {
-        "remaining_paint": (100 * left, 100 * math.sqrt(likely * (1.0 - likely) / n_patches) / scale)
+        "remaining_paint": (100 * left, 100 * math.sqrt(likely * (1.0 - likely) / n_places) / scale)
     }
     if painted.sum() >= _LEAST_ON:
         # Speckle differs from point to point, paint from patch to patch
-        n_independent = min(float(painted.sum()), max(share * n_patches, 1.0))
+        n_independent = min(float(painted.sum()), max(share * n_places, 1.0))
         contrast = _quantile(painted, 0.5)
         noise = 1.2533 * _spread(painted) / math.sqrt(n_independent)
         found["contrast"] = contrast, math.hypot(noise, contrast * float(pieces.road_sigma[row]))
         # Of paint that is mostly gone the width is that of what is left
         if np.isfinite(pieces.across_m[row]) and left >= 0.5:
-            worn = float(pieces.across_m[row]) * math.sqrt(left * (1.0 - left) / n_patches)
+            worn = float(pieces.across_m[row]) * math.sqrt(left * (1.0 - left) / n_places)
             sigma = math.hypot(float(pieces.across_sigma_m[row]), worn)
             if sigma <= _MOST_OF_WIDTH * pieces.width_m[row]:
                 found["width"] = float(pieces.across_m[row]), sigma

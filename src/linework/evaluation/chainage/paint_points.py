@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, IntArray, distance_along
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.lines.dashes import dashes_by_marking
 from linework.model.columns import Columns, column
 from linework.model.grid import Bounds
@@ -23,8 +24,11 @@ from linework.model.points import Points
 _PIECE_M, _CHORD_M = 2.0, 0.5
 #: Inner part of the width of paint that is looked at: the edges are blurred by the spot of the beam. [share]
 CORE_SHARE = 0.5
-#: What is beside paint, from this far off its edge to that: a spot on the road is some 2 cm. [m]
-_BESIDE_M = (0.06, 0.36)
+#: What is beside paint, from this far off its edge to that: a spot on the road is some 2 cm, and farther away wheels,
+#: joints and the end of the pavement make it another road than that under the paint. [m]
+_BESIDE_M = (0.06, 0.16)
+#: Points are looked at this far off the edges of paint. [m]
+_REACH_M = 0.36
 #: Points of the road are this near to the line in height: legs, cars and kerbs are higher. [m]
 _NEAR_ROAD_M = 0.06
 #: Sides whose brightness varies by this much more than that of the other are not all road. [ratio]
@@ -55,6 +59,9 @@ class PaintPieces(Columns):
     on, beside
         (p, N_RATIOS) int64: points in the core of the paint, and beside it on the road, by their ratio to the
         brightness of the road beside; see `ratio_of_bin`. All zero where the road beside was not hit.
+    road, n_looks
+        (p,) brightness of the road beside, as it was recorded: the geometric mean of the looks, and int64: how many these
+        are. Pieces of a marking that are seen in as many looks, and are near to each other, are seen alike.
     road_sigma
         (p,) relative standard deviation of the brightness of the road: half of what both sides differ by.
     area_m2
@@ -69,6 +76,8 @@ class PaintPieces(Columns):
     width_m: FloatArray = column()
     on: IntArray = column(np.int64, N_RATIOS)
     beside: IntArray = column(np.int64, N_RATIOS)
+    road: FloatArray = column()
+    n_looks: IntArray = column(np.int64)
     road_sigma: FloatArray = column()
     area_m2: FloatArray = column()
     across_m: FloatArray = column()
@@ -148,7 +157,7 @@ def _looked_at(
     pieces: list[FloatArray], line: IntArray, width_m: FloatArray, points_in: Callable[[Bounds], Points]
 ) -> PaintPieces:
     """Return what the points of one tile show."""
-    reach = 0.5 * float(width_m.max()) + _BESIDE_M[1]
+    reach = 0.5 * float(width_m.max()) + _REACH_M
     every = np.concatenate(pieces)
     low, high = every[:, :2].min(axis=0) - reach, every[:, :2].max(axis=0) + reach
     points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
@@ -158,26 +167,33 @@ def _looked_at(
     order = np.lexsort((value, across, time_s, piece))
     bounds = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
     on, beside = np.zeros((2, len(pieces), N_RATIOS), dtype=np.int64)
-    road_sigma = np.zeros(len(pieces))
+    road, road_sigma = np.zeros((2, len(pieces)))
+    n_looks = np.zeros(len(pieces), dtype=np.int64)
     across_m = np.full((2, len(pieces)), np.nan)
+    looks: list[list[_Look]] = []
     for i, (a, b) in enumerate(pairwise(bounds.tolist())):
-        here, half = order[a:b], 0.5 * width_m[i]
-        found = [
-            look
-            for part in np.split(here, np.flatnonzero(np.diff(time_s[here]) > _SAME_LOOK_S) + 1)
-            if (look := _as_ratios(across[part], value[part], half)) is not None
-        ]
+        here = order[a:b]
+        parts = np.split(here, np.flatnonzero(np.diff(time_s[here]) > _SAME_LOOK_S) + 1)
+        looks.append([_look_across(across[part], value[part], 0.5 * width_m[i]) for part in parts])
+    sides = {
+        number: _sides_of_road([look for i in np.flatnonzero(line == number).tolist() for look in looks[i]])
+        for number in np.unique(line).tolist()
+    }
+    for i, own in enumerate(looks):
+        half = 0.5 * width_m[i]
+        found = [ratios for look in own if (ratios := _as_ratios(look, *sides[int(line[i])])) is not None]
         if not found:
             continue
-        q, ratio, plain = (np.concatenate([look[k] for look in found]) for k in range(3))
-        road_sigma[i] = float(np.mean([look[3] for look in found]))
+        q, ratio, plain = (np.concatenate([ratios[k] for ratios in found]) for k in range(3))
+        road_sigma[i] = float(np.mean([ratios[3] for ratios in found]))
+        road[i], n_looks[i] = np.exp(np.mean(np.log([ratios[4] for ratios in found]))), len(found)
         on[i] = _counted(ratio[np.abs(q) <= CORE_SHARE * half])
         beside[i] = _counted(plain)
         across_m[:, i] = _width_across(q, ratio, half)
     length = np.array([float(np.linalg.norm(np.diff(one[:, :2], axis=0), axis=1).sum()) for one in pieces])
     return PaintPieces(
-        line=line, xy=_middles(pieces), length_m=length, width_m=width_m, on=on, beside=beside, road_sigma=road_sigma,
-        area_m2=length * CORE_SHARE * width_m, across_m=across_m[0], across_sigma_m=across_m[1],
+        line=line, xy=_middles(pieces), length_m=length, width_m=width_m, on=on, beside=beside, road=road,
+        n_looks=n_looks, road_sigma=road_sigma, area_m2=length * CORE_SHARE * width_m, across_m=across_m[0], across_sigma_m=across_m[1],
     )  # fmt: skip
 
 
@@ -204,34 +220,66 @@ def _on_chords(
     return owner[chord[kept]], across[kept], brightness, time_s
 
 
-def _as_ratios(
-    across: FloatArray, value: FloatArray, half_m: float
-) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
-    """Return distances across, ratios to the road beside, those of the road, and its deviation; None without road."""
-    sides = _road_beside(across, value, half_m)
-    road = float(np.median(sides[0])) if sides else 0.0
-    if road <= 0.0:
-        return None
-    sigma = 0.5 * abs(float(np.median(sides[-1])) - road) / road
-    return across, value / road, sides[0] / road, sigma
+class _Look(NamedTuple):
+    """What one look shows across a piece: distances [m] and brightness, and that of the road on either side."""
+
+    across: FloatArray
+    value: FloatArray
+    beside: tuple[FloatArray, FloatArray]
 
 
-def _road_beside(across: FloatArray, value: FloatArray, half_m: float) -> list[FloatArray]:
-    """Return the brightness of the points on the sides of paint that were hit, the one that is road first.
+def _look_across(across: FloatArray, value: FloatArray, half_m: float) -> _Look:
+    left, right = (
+        value[(side * across - half_m >= _BESIDE_M[0]) & (side * across - half_m <= _BESIDE_M[1])]
+        for side in (1.0, -1.0)
+    )
+    return _Look(across, value, (left, right))
 
-    Road is even; across the edge of a pavement are two materials. Of two even sides it is the darker one: the other may
-    be concrete, or other paint.
+
+def _sides_of_road(looks: list[_Look]) -> tuple[BoolArray, float]:
+    """Return which sides of a marking are road (left, right), and how much brighter the left one is than the right one.
+
+    Chosen for all looks together, so that all refer to the same road. Road is even; across the edge of a pavement are two
+    materials. A side that was hardly hit is what another marking left of it, bright by the blurred edge of its paint.
     """
-    sides = []
-    for side in (1.0, -1.0):
-        q = side * across - half_m
-        there = value[(q >= _BESIDE_M[0]) & (q <= _BESIDE_M[1])]
-        if len(there) >= _LEAST_BESIDE:
-            low, middle, high = np.percentile(there, (10.0, 50.0, 90.0))
-            sides.append((float(middle), float(high - low) / max(float(middle), 1e-9), there))
-    evenest = min((uneven for _, uneven, _ in sides), default=0.0)
-    sides.sort(key=lambda side: (side[1] > _UNEVEN * evenest, side[0]))
-    return [there for _, _, there in sides]
+    is_hit = np.array([[len(there) >= _LEAST_BESIDE for there in look.beside] for look in looks])
+    n = np.array([[len(there) for there in look.beside] for look in looks]).sum(axis=0)
+    level, uneven = np.full((2, len(looks), 2), np.nan)
+    for i, k in np.argwhere(is_hit).tolist():
+        low, middle, high = np.percentile(looks[i].beside[k], (10.0, 50.0, 90.0))
+        level[i, k], uneven[i, k] = middle, (high - low) / max(middle, 1e-9)
+    is_road = is_hit.any(axis=0) & (2 * n >= n.max())
+    usual = np.array([np.nanmedian(uneven[:, k]) if is_road[k] else np.inf for k in (0, 1)])
+    is_road &= usual <= _UNEVEN * usual.min()
+    both = is_hit.all(axis=1) & (level > 0.0).all(axis=1)
+    return is_road, float(np.median(level[both, 0] / level[both, 1])) if both.any() else 1.0
+
+
+def _as_ratios(
+    look: _Look, is_road: BoolArray, brighter: float
+) -> tuple[FloatArray, FloatArray, FloatArray, float, float] | None:
+    """Return distances across, ratios to the road, those of the road, its deviation and brightness; None without road.
+
+    The road under a marking is between those on both sides: it may be brighter on one, where wheels have polished the
+    other or it was laid anew. So its brightness is the mean of both, each point beside relative to its own side, and half
+    of their difference its deviation. Of a side that was not hit the brightness follows from the other.
+    """
+    is_hit = np.array([len(there) >= _LEAST_BESIDE for there in look.beside])
+    used = np.flatnonzero(is_road & is_hit).tolist()
+    level = [float(np.median(look.beside[k])) for k in used]
+    if not used or min(level) <= 0.0:
+        return None
+    road = float(np.mean(level))
+    if is_road.all() and len(used) == 1:
+        road *= 0.5 * (1.0 + (1.0 / brighter if used[0] == 0 else brighter))
+    plain = np.concatenate([look.beside[k] / own for k, own in zip(used, level, strict=True)])
+    every = [float(np.median(look.beside[k])) for k in np.flatnonzero(is_hit).tolist()]
+    return look.across, look.value / road, plain, 0.5 * (max(every) - min(every)) / road, road
+
+
+def bins_of_factor(factor: FloatArray) -> IntArray:
+    """Return by how many bins a ratio changes that is multiplied by a factor."""
+    return np.asarray(np.rint(np.log(factor) / np.log1p(_RATIO_STEP))).astype(np.int64)
 
 
 def _counted(ratio: FloatArray) -> IntArray:
