@@ -113,23 +113,47 @@ def whole_dashes(length_m: FloatArray) -> BoolArray:
 
 
 def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
-    """Return the rhythm of the whole dashes of a stretch, None where less than three, or half of all, are equally long and a whole number of periods apart.
+    """Return the rhythm of the whole dashes of a stretch, None where less than three are equally long and a whole number of periods apart, or half of all lie elsewhere.
 
     A single end is as far off as half the distance of scan lines. A mean over many dashes is not, and the period is
-    known better still, as it adds up from the first whole dash to the last.
+    known better still, as it adds up from the first whole dash to the last. Wear makes dashes shorter: where three or more
+    are longer than the most and cover their places, the most were cut alike, and the longer ones are whole. Less than three
+    were drawn through a gap.
 
     Parameters
     ----------
     dashes
         (k, 2) begin and end along the marking [m], ascending.
 
+    Examples
+    --------
     >>> worn = np.array([[0.0, 3.0], [9.0, 12.0], [18.6, 20.0], [27.0, 30.0], [45.0, 48.0]])
     >>> [round(value, 3) for value in rhythm_of_whole(worn)[:2]]
     [3.0, 6.0]
     """
-    whole = dashes[whole_dashes(dashes[:, 1] - dashes[:, 0])] if len(dashes) else dashes
+    length, middle = dashes[:, 1] - dashes[:, 0], dashes.mean(axis=1)
+    found, chosen = None, np.arange(len(dashes))
+    while len(chosen):
+        chosen = chosen[whole_dashes(length[chosen])]
+        rhythm = _rhythm_of(dashes[chosen])
+        if rhythm is None:
+            break
+        period = rhythm.dash_m + rhythm.gap_m
+        off = middle - middle[chosen[0]]
+        off -= np.median((off - period * np.rint(off / period))[chosen])
+        beyond = np.abs(off - period * np.rint(off / period)) - 0.5 * np.abs(length - rhythm.dash_m)
+        is_of_it = beyond <= ALIKE_DASHES_M
+        if 2 * np.count_nonzero(is_of_it) >= len(dashes):
+            found = rhythm
+        # What is as long as a period are two dashes that were joined
+        chosen = np.flatnonzero(is_of_it & (length > rhythm.dash_m + ALIKE_DASHES_M) & (length < period))
+    return found
+
+
+def _rhythm_of(whole: FloatArray) -> MarkingRhythm | None:
+    """Return the rhythm of dashes (n, 2) of one length; None of less than three, or where they are not whole periods apart."""
     n = len(whole)
-    if n < LEAST_WHOLE or 2 * n < len(dashes):
+    if n < LEAST_WHOLE:
         return None
     length, middle = whole[:, 1] - whole[:, 0], whole.mean(axis=1)
     step = np.diff(middle)
@@ -154,7 +178,8 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
     shared = max(4.0 * float(off @ off) / (n - 2) - scatter, 0.0)
     dash_sigma = math.sqrt(scatter / n_own + shared + _SPOT_M**2 / 3.0)
     period_sigma = math.sqrt(float(off @ off) / (n - 2) / spread)
-    dash = float(length.mean())
+    # What has lost a little at its ends passes for whole: wear has one sign
+    dash = float(np.median(length))
     return MarkingRhythm(dash, period - dash, dash_sigma, math.hypot(dash_sigma, period_sigma))
 
 

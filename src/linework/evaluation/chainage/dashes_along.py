@@ -48,10 +48,14 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
             -1, 2, 2
         )
         away, station = tree.query(places)
+        of_all = rhythm_of_whole(along)
         for i in np.flatnonzero(away <= _FAR_M).tolist():
             s = float(axis.station_m[station[i]])
             offset = float((places[i] - axis.xyz[station[i], :2]) @ axis.left[station[i]])
-            rhythm = rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M])
+            rhythm = rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M]) or of_all
+            # Dashes that were cut alike, as the marking has longer ones in the same places
+            if rhythm and of_all and rhythm.dash_m + ALIKE_DASHES_M < of_all.dash_m:
+                rhythm = of_all
             is_known = rhythm is not None and along[i, 1] - along[i, 0] <= rhythm.dash_m + ALIKE_DASHES_M
             # Of a dash at a hidden stretch a part may be hidden
             is_whole = is_known and not _is_bridged(lines, line, *corners[i])
