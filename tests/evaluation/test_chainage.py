@@ -163,12 +163,25 @@ def test_lines_in_the_middle_or_behind_the_boundary_are_no_ends_of_the_carriagew
     assert {row.value if row.value is None else round(row.value, 6) for row in found} == {width}
 
 
+def test_a_boundary_behind_another_is_no_end_where_that_was_not_found():
+    ends = [
+        (name, "road_boundary", y, 0.0, "", (0, s)) for name, y, s in (("near", 4.0, 48), ("far", 5.6, 100))
+    ]
+    lines, axis = straight([*ROAD[:3], *ends])
+    found = rows_of(chainage_report(lines, [axis], every_m=50.0), "carriageway_width")
+    assert [row.value for row in found[:2]] == [pytest.approx(7.4), None]
+
+
 def test_a_rail_has_no_offset_from_the_line_of_a_lane():
     lines, axis = straight(ROAD)
     for role, value in (("edge", 1.0), ("", 1.0), ("lane", None), ("centre", None)):
         named = lines.with_columns(role=np.where(lines.id == "edge", role, ""))
         found = rows_of(chainage_report(named, [axis], standard="us"), "offset_from_line")
         assert found and {r.value if r.value is None else round(r.value, 6) for r in found} == {value}
+    # Where the edge line was not found the nearest one is that of a lane, whatever its role
+    lines, axis = straight([("edge", "lane_marking", 3.5, 0.0, "solid", (0, 30)), *ROAD[1:]])
+    found = rows_of(chainage_report(lines, [axis]), "offset_from_line", line="rail a")
+    assert [r.value if r.value is None else round(r.value, 6) for r in found] == [1.0, 1.0, 1.0, 1.0, None]
 
 
 def test_dashes_gaps_and_missing_dashes():
@@ -279,6 +292,24 @@ def test_a_lane_has_no_width_where_its_edge_line_may_be_missing(form):
     assert row.value == (None if form == "edge" else pytest.approx(3.4, abs=1e-6))
 
 
+def test_a_lane_has_no_width_where_it_may_end_at_another_line():
+    # Up to one stripe of a double line, where the nearer one was not found
+    road = [*ROAD[:4], ("stripe", "lane_marking", -0.24, 0.0, "solid", (0, 40))]
+    lines, axis = straight(road)
+    lines = lines.with_columns(form=np.array(["", "", "kerb", "kerb", ""]))
+    found = rows_of(chainage_report(lines, [axis], every_m=50.0), "lane_width")
+    known = {(r.line, r.from_m): r.value for r in found if r.from_m < 100.0}
+    assert known["right | stripe", 0.0] == pytest.approx(3.16) and known["right | middle", 50.0] is None
+    assert known["middle | edge", 50.0] == pytest.approx(3.5)
+    # Across the road, from the line along one of its edges to the other edge
+    for y, form, width in ((3.5, "edge", None), (3.5, "kerb", 5.5), (1.7, "edge", 3.7)):
+        line = ("edge", "lane_marking", y, 0.0, "solid", (0, 100))
+        lines, axis = straight([line, ("right", *ROAD[2][1:2], -2.0, *ROAD[2][3:]), ROAD[3]])
+        lines = lines.with_columns(form=np.array(["", form, form]))
+        found = rows_of(chainage_report(lines, [axis]), "lane_width", line="right | edge")
+        assert {r.value if r.value is None else round(r.value, 6) for r in found} == {width}
+
+
 def test_a_wire_across_the_road_is_over_both_lanes():
     lines, axis = straight(ROAD[:4])
     place = axis.xyz[50]
@@ -288,8 +319,9 @@ def test_a_wire_across_the_road_is_over_both_lanes():
     report = chainage_report(LineSet.concatenate([lines, wire]), [axis], standard="us")
     found = {r.line: r for r in rows_of(report, "clearance", "min")}
     assert set(found) == {"w over right | middle", "w over middle | edge"}
-    np.testing.assert_allclose(found["w over right | middle"].value, 5.4 - 3.4 * 0.05, atol=0.02)
-    np.testing.assert_allclose(found["w over middle | edge"].value, 5.4, atol=0.02)
+    # It slopes, and is lowest over the ends of the lanes
+    np.testing.assert_allclose(found["w over right | middle"].value, 5.4 - 3.4 * 0.05, atol=0.003)
+    np.testing.assert_allclose(found["w over middle | edge"].value, 5.4, atol=0.003)
     assert {r.from_m for r in found.values()} == {50.0}
 
 

@@ -33,7 +33,7 @@ _DOUBLE_M = 1.0
 #: that were joined to one line as well. [m]
 STRAY_PAINT_M = (0.5, 1.2)
 #: Stripes of a double line are this far apart (decision 83). So is older paint from the line that replaced it. [m]
-_TWO_STRIPES_M = (0.15, 0.5)
+TWO_STRIPES_M = (0.15, 0.5)
 #: Lines that were shifted together are as far from the older ones, to within twice the width of a line. [m]
 _SAME_SHIFT_M = 0.3
 #: Wear comes in patches of this length, so that as many places of a line are worn independently [m]; a line that is worn
@@ -189,7 +189,7 @@ class BoundEvidence:
                 if (
                     self._is_paint[a.line]
                     and self._is_paint[b.line]
-                    and _TWO_STRIPES_M[0] <= apart <= _TWO_STRIPES_M[1]
+                    and TWO_STRIPES_M[0] <= apart <= TWO_STRIPES_M[1]
                 ):
                     pairs.add(a, b)
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
@@ -308,7 +308,7 @@ class BoundEvidence:
         if any(self._is_unlikely[line] for line in pair):
             return True
         # Where a lane may as well be half a metre elsewhere, its lines say nothing
-        if any(self.unsettled_m.get(line, 0.0) > _TWO_STRIPES_M[1] for line in pair):
+        if any(self.unsettled_m.get(line, 0.0) > TWO_STRIPES_M[1] for line in pair):
             return True
         paint = [line for line in pair if self._is_paint[line]]
         if any(self._is_short(line) for line in paint) or self._inside.get(pair, set()) - self.strays:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along
 from linework.lines.crosscuts import STATION_M, Axis, CrossCuts
-from linework.lines.lane_evidence import LANE_LIMITS_M, STRAY_PAINT_M
+from linework.lines.lane_evidence import LANE_LIMITS_M, STRAY_PAINT_M, TWO_STRIPES_M
 from linework.model.lines import LineSet
 
 #: Lines that turn more than this from the axis do not run along the road (stop lines, crossing roads). [cosine of 25 deg]
@@ -28,8 +28,8 @@ _SAME_LINE_M = 0.1
 _RAIL_REACH_M = 6.0
 #: Edge lines that end go on where they are seen again this near: worn for longer, they are gone. [m]
 _SAME_PAINT_M = 100.0
-#: Distance of places along a wire. [m]
-_WIRE_STEP_M = 0.25
+#: Distance of places along a wire: over a lane it is lowest at one of its ends, where it slopes by up to a tenth. [m]
+_WIRE_STEP_M = 0.05
 
 
 class Sample(NamedTuple):
@@ -90,12 +90,18 @@ def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[
 
 def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
     """Yield the samples of all stations: lanes and carriageway, kerbs, guardrails and barriers."""
-    paint_near = _paint_near(crossings)
+    paint_near, behind_near = _paint_near(crossings), _behind_near(crossings)
+    beside_near = _paired_near(crossings)
     for k, (s, here) in enumerate(zip(axis.station_m.tolist(), crossings, strict=True)):
         bounds = [c for c in here if c.kind in ("lane_marking", "road_boundary")]
-        yield from _carriageway(s, bounds)
+        yield from _carriageway(s, bounds, behind_near[k])
         for right, left in lanes_at(bounds):
-            yield from _lane(s, right, left, may_lack_edge_line(right, left, bounds, paint_near[k]))
+            is_unsure = may_lack_edge_line(right, left, bounds, paint_near[k]) or (
+                (right.name, 1) in beside_near[k]
+                or (left.name, -1) in beside_near[k]
+                or not behind_near[k].isdisjoint((right.name, left.name))
+            )
+            yield from _lane(s, right, left, is_unsure)
         for top in (c for c in here if c.kind == "kerb_top"):
             feet = [
                 c for c in bounds if c.kind == "road_boundary" and abs(c.offset_m - top.offset_m) <= _FACE_M
@@ -106,7 +112,7 @@ def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sam
                     s, top.offset_m, "kerb", "upstand", top.name, top.up_m - foot.up_m, top, foot, "z"
                 )
         for rail in (c for c in here if c.kind in ("guardrail", "barrier")):
-            yield from _rail(s, rail, bounds)
+            yield from _rail(s, rail, bounds, paint_near[k])
 
 
 def _between(
@@ -141,8 +147,11 @@ def lanes_at(bounds: list[Crossing]) -> list[tuple[Crossing, Crossing]]:
     ]
 
 
-def _carriageway(s: float, bounds: list[Crossing]) -> Iterator[Sample]:
-    """Yield the width between the boundaries on both sides of the axis; unknown where paint may be one of them."""
+def _carriageway(s: float, bounds: list[Crossing], behind: set[str]) -> Iterator[Sample]:
+    """Yield the width between the boundaries on both sides of the axis.
+
+    Unknown where paint may be one of them, or one that lies `behind` another before or after this place.
+    """
     edges = [c for c in bounds if c.kind == "road_boundary"]
     left = [c for c in edges if c.offset_m > _FACE_M]
     right = [c for c in edges if c.offset_m < -_FACE_M]
@@ -152,7 +161,8 @@ def _carriageway(s: float, bounds: list[Crossing]) -> Iterator[Sample]:
         paint = [
             c.offset_m for c in bounds if c.kind == "lane_marking" and a.offset_m < c.offset_m < b.offset_m
         ]
-        yield width._replace(value=None) if _may_end_at(paint, a.offset_m, b.offset_m) else width
+        is_unsure = _may_end_at(paint, a.offset_m, b.offset_m) or not behind.isdisjoint((a.name, b.name))
+        yield width._replace(value=None) if is_unsure else width
 
 
 def _may_end_at(paint_m: list[float], right_m: float, left_m: float) -> bool:
@@ -171,16 +181,62 @@ def _may_end_at(paint_m: list[float], right_m: float, left_m: float) -> bool:
     )
 
 
+def _blocks_near(n: int) -> Iterator[tuple[slice, list[slice]]]:
+    """Yield stations in blocks of `_SAME_PAINT_M`, and the blocks within that of any of these."""
+    reach = round(_SAME_PAINT_M / STATION_M)
+    blocks = [slice(a, min(a + reach, n)) for a in range(0, n, reach)]
+    for i, block in enumerate(blocks):
+        yield block, blocks[max(i - 1, 0) : i + 2]
+
+
 def _paint_near(crossings: list[list[Crossing]]) -> list[FloatArray]:
     """Return the offsets [m] of all paint within `_SAME_PAINT_M` of each station, ascending."""
-    offsets = [np.array([c.offset_m for c in here if c.kind == "lane_marking"]) for here in crossings]
-    reach = round(_SAME_PAINT_M / STATION_M)
-    blocks = [
-        np.unique(np.round(np.concatenate(offsets[a : a + reach]), 1)) for a in range(0, len(offsets), reach)
-    ]
-    return [
-        np.sort(np.concatenate(blocks[max(k // reach - 1, 0) : k // reach + 2])) for k in range(len(offsets))
-    ]
+    found: list[FloatArray] = []
+    for block, near in _blocks_near(len(crossings)):
+        offsets = {
+            round(c.offset_m, 1)
+            for one in near
+            for here in crossings[one]
+            for c in here
+            if c.kind == "lane_marking"
+        }
+        found += [np.array(sorted(offsets))] * len(crossings[block])
+    return found
+
+
+def _paired_near(crossings: list[list[Crossing]]) -> list[set[tuple[str, int]]]:
+    """Return the lines of paint that have another one beside them within `_SAME_PAINT_M` of each station, with its side.
+
+    The side is 1 on the left and -1 on the right. Both are one double line, or two generations of paint.
+    """
+    found: list[set[tuple[str, int]]] = []
+    for block, near in _blocks_near(len(crossings)):
+        paired: set[tuple[str, int]] = set()
+        for here in (here for one in near for here in crossings[one]):
+            paint = [c for c in here if c.kind == "lane_marking"]
+            for right, left in pairwise(paint):
+                if TWO_STRIPES_M[0] <= left.offset_m - right.offset_m <= TWO_STRIPES_M[1]:
+                    paired |= {(right.name, 1), (left.name, -1)}
+        found += [paired] * len(crossings[block])
+    return found
+
+
+def _behind_near(crossings: list[list[Crossing]]) -> list[set[str]]:
+    """Return the boundaries that lie behind another one of their side within `_SAME_PAINT_M` of each station.
+
+    Where the nearer one is not seen, such a boundary is not known to be the end of the carriageway.
+    """
+    found: list[set[str]] = []
+    for block, near in _blocks_near(len(crossings)):
+        behind: set[str] = set()
+        for here in (here for one in near for here in crossings[one]):
+            edges = [c for c in here if c.kind == "road_boundary"]
+            for side in (1.0, -1.0):
+                away = [(side * c.offset_m, c.name) for c in edges if side * c.offset_m > _FACE_M]
+                nearest = min(away, default=(0.0, ""))[0]
+                behind |= {name for offset, name in away if offset > nearest + _FACE_M}
+        found += [behind] * len(crossings[block])
+    return found
 
 
 def may_lack_edge_line(
@@ -208,8 +264,14 @@ def may_lack_edge_line(
     width = side * (end.offset_m - paint.offset_m)
     if np.any((beyond >= LANE_LIMITS_M[0]) & (beyond < width)):
         return True
-    others = (-side * (c.offset_m - paint.offset_m) for c in bounds if c.kind == "lane_marking")
-    return end.form != "kerb" and any(LANE_LIMITS_M[0] <= other <= LANE_LIMITS_M[1] for other in others)
+    beside = [(c, -side * (c.offset_m - paint.offset_m)) for c in bounds]
+    # The other edge of the pavement is beside the paint, or a lane further
+    return end.form != "kerb" and any(
+        LANE_LIMITS_M[0] <= away <= LANE_LIMITS_M[1]
+        if c.kind == "lane_marking"
+        else 0.0 < away < STRAY_PAINT_M[1] and c.form != "kerb"
+        for c, away in beside
+    )
 
 
 def _lane(s: float, right: Crossing, left: Crossing, is_unsure: bool) -> Iterator[Sample]:
@@ -224,8 +286,11 @@ def _lane(s: float, right: Crossing, left: Crossing, is_unsure: bool) -> Iterato
     yield fall._replace(sigma=100 * fall.sigma / width)
 
 
-def _rail(s: float, rail: Crossing, bounds: list[Crossing]) -> Iterator[Sample]:
-    """Yield the height above the edge of the carriageway, and the distance from the edge line."""
+def _rail(s: float, rail: Crossing, bounds: list[Crossing], paint_near_m: FloatArray) -> Iterator[Sample]:
+    """Yield the height above the edge of the carriageway, and the distance from the edge line.
+
+    That is unknown where the line may be another one: it divides lanes, or one nearer to the rail is seen before or behind.
+    """
     inside = [
         c
         for c in bounds
@@ -243,8 +308,10 @@ def _rail(s: float, rail: Crossing, bounds: list[Crossing]) -> Iterator[Sample]:
         line = min(paint, key=lambda c: abs(c.offset_m - rail.offset_m))
         away = abs(rail.offset_m - line.offset_m)
         offset = _between(s, rail.offset_m, rail.kind, "offset_from_line", rail.name, away, rail, line, "xy")
-        # The nearest line is a centre or lane line where the edge line was not found
-        yield offset._replace(value=None) if line.role in ("centre", "lane") else offset
+        side = math.copysign(1.0, rail.offset_m - line.offset_m)
+        beyond = side * (paint_near_m - line.offset_m)
+        is_another = bool(np.any((beyond >= LANE_LIMITS_M[0]) & (beyond < away)))
+        yield offset._replace(value=None) if is_another or line.role in ("centre", "lane") else offset
 
 
 def clearance_samples(lines: LineSet, axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
