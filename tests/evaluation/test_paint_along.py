@@ -118,6 +118,15 @@ def test_bare_places_on_a_road_that_is_brighter_on_one_side_are_no_paint():
     assert abs(np.nanmedian(share["contrast"][:, 0]) - CONTRAST) < 0.1
 
 
+def test_few_points_beside_paint_are_looked_for_farther_away():
+    """From the air a strip of 10 cm has 6 points in 2 m."""
+    cloud = points(1.0, noise=0.03)
+    beside = np.abs(cloud.xyz[:, 1]) > WIDTH_M / 2
+    cloud = cloud.take(~beside | (np.arange(len(beside)) % 50 == 0))
+    share = measured(marking(), cloud)["remaining_paint"][:, 0]
+    assert np.isfinite(share).all() and share.min() > 90.0
+
+
 def test_remains_are_no_whole_paint_where_nothing_else_is_left():
     """Of 20 m and more only thin remains are left, 1.2 times as bright as road."""
     thin = with_factor(points(0.0), np.abs(points(0.0).xyz[:, 1]) < WIDTH_M / 2, 1.2)

@@ -229,11 +229,16 @@ class _Look(NamedTuple):
 
 
 def _look_across(across: FloatArray, value: FloatArray, half_m: float) -> _Look:
-    left, right = (
-        value[(side * across - half_m >= _BESIDE_M[0]) & (side * across - half_m <= _BESIDE_M[1])]
-        for side in (1.0, -1.0)
-    )
-    return _Look(across, value, (left, right))
+    return _Look(across, value, (_beside(across - half_m, value), _beside(-across - half_m, value)))
+
+
+def _beside(off_m: FloatArray, value: FloatArray) -> FloatArray:
+    """Return the brightness of the points beside paint on one side, by their distance from its edge; of few, the nearest."""
+    reach = np.flatnonzero((off_m >= _BESIDE_M[0]) & (off_m <= _REACH_M))
+    near = reach[off_m[reach] <= _BESIDE_M[1]]
+    if len(near) < _LEAST_BESIDE:
+        near = reach[np.argsort(off_m[reach], kind="stable")[:_LEAST_BESIDE]]
+    return value[near]
 
 
 def _sides_of_road(looks: list[_Look]) -> tuple[BoolArray, float]:
