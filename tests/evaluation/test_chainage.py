@@ -210,6 +210,15 @@ def dashed_road(dashes):
     )
 
 
+def along_of(dashes):
+    """Return a dashed marking as long as its dashes need, and its axis."""
+    rows = [(f"dash {a}", "lane_marking_dash", 0.0, 0.0, "dashed", ends) for a, ends in enumerate(dashes)]
+    length_m = dashes[-1][1] + 4.0
+    marking = ("middle", "lane_marking", 0.0, 0.0, "dashed", (0.0, length_m))
+    lines, axis = straight([marking, *rows], length_m=length_m)
+    return lines, [axis]
+
+
 def test_worn_dashes_do_not_shorten_the_rhythm():
     # A third of the dashes is worn at one end, and single ends are off by up to half the distance of scan lines
     rng = np.random.default_rng(3)
@@ -236,6 +245,21 @@ def test_worn_dashes_do_not_shorten_the_rhythm():
     report = chainage_report(lines, [axis], every_m=9.0)
     assert [r.value for r in rows_of(report, "dash_length", from_m=36.0)] == [None]
     assert len([r for r in rows_of(report, "dash_length") if r.value is not None]) == 9
+
+
+def test_neighbouring_dashes_that_were_cut_alike_have_the_length_of_their_marking():
+    """The first half is cut to 3.12 m by scan lines that pass over each dash alike, the other half to 2.88 m."""
+    cut = np.repeat([3.12, 2.88], 12) + 0.05 * np.tile([1.0, -1.0, 0.0, 0.0], 6)
+    dashes = [(9.0 * k, 9.0 * k + length) for k, length in enumerate(cut.tolist())]
+    lengths = rows_of(chainage_report(*along_of(dashes), every_m=10.0), "dash_length")
+    assert [row.value for row in lengths] == pytest.approx([3.0] * len(lengths), abs=0.04)
+    # A marking may have two rhythms, too: that is no chance
+    one, other = (
+        [(9.0 * k, 9.0 * k + 3.0) for k in range(12)],
+        [(6.0 * k, 6.0 * k + 4.0) for k in range(18, 36)],
+    )
+    values = [r.value for r in rows_of(chainage_report(*along_of(one + other), every_m=10.0), "dash_length")]
+    assert values[:6] == pytest.approx([3.0] * 6) and values[-6:] == pytest.approx([4.0] * 6)
 
 
 def test_dashes_that_scan_lines_cut_alike_are_known_no_better_than_one():

@@ -33,6 +33,8 @@ _LEAST_SUCCESSIVE = 0.3
 _LEAST_REGULAR = 0.1
 #: Worn dashes were restored from as many whole ones about them, so that more are not independent: `methods.tracking.pattern`.
 N_NEAR = 4
+#: Of more lengths, as many quantiles stand for all: pairs are a square of their number.
+_MOST_PAIRED = 500
 #: Paint looks bright as far as the spot of a beam touches it: ends are up to half a spot of some 2 cm beyond it. [m]
 _SPOT_M = 0.02
 
@@ -178,9 +180,24 @@ def _rhythm_of(whole: FloatArray) -> MarkingRhythm | None:
     shared = max(4.0 * float(off @ off) / (n - 2) - scatter, 0.0)
     dash_sigma = math.sqrt(scatter / n_own + shared + _SPOT_M**2 / 3.0)
     period_sigma = math.sqrt(float(off @ off) / (n - 2) / spread)
-    # What has lost a little at its ends passes for whole: wear has one sign
-    dash = float(np.median(length))
+    dash = middle_of_pairs(length)
     return MarkingRhythm(dash, period - dash, dash_sigma, math.hypot(dash_sigma, period_sigma))
+
+
+def middle_of_pairs(length_m: FloatArray) -> float:
+    """Return the median of the means of all pairs of lengths (n,), each with itself too [m].
+
+    What has lost a little at its ends passes for whole, and wear has one sign: up to 29 % of such dashes do not matter. Scan
+    lines make dashes of one length either of two lengths, one line more or less. Their median is one of the two, though the
+    truth lies between; that of pairs does, too (Hodges and Lehmann 1963, doi:10.1214/aoms/1177704172).
+
+    >>> middle_of_pairs(np.array([3.1, 3.1, 3.1, 2.9, 2.9]))
+    3.0
+    """
+    n = min(len(length_m), _MOST_PAIRED)
+    level = np.quantile(length_m, (np.arange(n) + 0.5) / n, method="hazen")
+    one, other = np.triu_indices(n)
+    return float(np.median(0.5 * (level[one] + level[other])))
 
 
 def dashes_by_marking(lines: LineSet) -> Iterator[tuple[str, int, FloatArray]]:

@@ -28,12 +28,14 @@ from linework.model.lines import LineSet
 _FAR_M = 30.0
 #: The rhythm is that of the dashes this near: means of markings are over 100 m (CS 126). [m]
 _ABOUT_M = 50.0
+#: Rhythms that differ by less than this many standard deviations of both are one. [deviations]
+_BY_CHANCE = 2.0
 
 
 def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
     """Yield the length of each dash, the gap after it, and the number of dashes missing in it.
 
-    Lengths are those of the marking's rhythm about the dash, from the whole dashes there: of a worn dash less is left, and
+    Lengths are those of the marking's rhythm, from the whole dashes about the dash or, where these are alike, from all: of a worn dash less is left, and
     a single end is known to half the distance of scan lines only. Where no rhythm is known they are unknown, and those of
     a dash that is too long for it. A gap with room for more dashes is missing paint where the marking was measured; where
     it was bridged, the gap is not counted.
@@ -52,10 +54,7 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
         for i in np.flatnonzero(away <= _FAR_M).tolist():
             s = float(axis.station_m[station[i]])
             offset = float((places[i] - axis.xyz[station[i], :2]) @ axis.left[station[i]])
-            rhythm = rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M]) or of_all
-            # Dashes that were cut alike, as the marking has longer ones in the same places
-            if rhythm and of_all and rhythm.dash_m + ALIKE_DASHES_M < of_all.dash_m:
-                rhythm = of_all
+            rhythm = _rhythm_at(rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M]), of_all)
             is_known = rhythm is not None and along[i, 1] - along[i, 0] <= rhythm.dash_m + ALIKE_DASHES_M
             # Of a dash at a hidden stretch a part may be hidden
             is_whole = is_known and not _is_bridged(lines, line, *corners[i])
@@ -76,6 +75,23 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
             )
             if missing <= 0:
                 yield Sample(s, offset, "marking", "gap_length", name, gap if is_known else None, gap_sigma)
+
+
+def _rhythm_at(near: MarkingRhythm | None, of_all: MarkingRhythm | None) -> MarkingRhythm | None:
+    """Return the rhythm at a dash from that of the dashes near it and that of its whole marking, None where both are unknown.
+
+    Scan lines pass over neighbouring dashes alike, which cuts them to one length: only many dashes show the length between.
+    So it is that of the whole marking, unless the dashes near differ from it by more than chance makes: then the marking
+    has more than one rhythm. Where those near are much shorter at the same period, they were worn alike, as the marking has
+    longer ones.
+    """
+    if near is None or of_all is None:
+        return near or of_all
+    off = abs(near.dash_m + near.gap_m - of_all.dash_m - of_all.gap_m)
+    is_shorter = near.dash_m + ALIKE_DASHES_M < of_all.dash_m
+    by_chance = _BY_CHANCE * math.hypot(near.dash_sigma_m, of_all.dash_sigma_m)
+    is_one = is_shorter or abs(near.dash_m - of_all.dash_m) <= by_chance
+    return of_all if is_one and off <= ALIKE_DASHES_M else near
 
 
 def _is_bridged(lines: LineSet, i: int, a: FloatArray, b: FloatArray) -> bool:
