@@ -159,6 +159,49 @@ def test_the_road_between_two_stripes_is_none_to_refer_to():
     assert len(contrast) == LENGTH_M and np.nanmax(np.abs(contrast - CONTRAST)) < 0.25
 
 
+def test_contrast_is_no_bin_and_its_deviation_that_of_the_road_beside():
+    """Patches of other asphalt beside paint: what both sides of one piece differ by is often small by chance."""
+    errors = []
+    for seed in range(4):
+        cloud = points(1.0, seed=seed, per_m2=600)
+        side = np.random.default_rng(50 + seed).normal(1.0, 0.06, (20, 2))
+        piece, left = (cloud.xyz[:, 0] / 2.0).astype(int).clip(0, 19), (cloud.xyz[:, 1] > 0.0).astype(int)
+        beside = np.where(np.abs(cloud.xyz[:, 1]) > WIDTH_M / 2, side[piece, left], 1.0)
+        value, sigma = measured(marking(), with_factor(cloud, True, beside))["contrast"].T
+        errors.append((value - CONTRAST) / sigma)
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.4
+    even = measured(marking(), points(1.0, noise=0.02))["contrast"]
+    assert np.abs(even[:, 0] - CONTRAST).max() < 0.03
+    # Recorded in steps of a tenth of the road, whose middle may lie anywhere in one
+    coarse = points(1.0, noise=0.02)
+    coarse = Points(coarse.xyz, intensity=np.floor(coarse.intensity / 10.0) * 10.0)
+    assert measured(marking(), coarse)["contrast"][:, 1].min() > CONTRAST * 0.1 / np.sqrt(12.0)
+
+
+def clipped(cloud, most):
+    return Points(cloud.xyz, intensity=np.minimum(cloud.intensity, most))
+
+
+def test_paint_brighter_than_a_scanner_can_record_has_no_contrast():
+    """Its share is known all the same, and its contrast where a good part of the points was recorded."""
+    found = measured(marking(), clipped(points(1.0), 150.0))
+    assert np.isnan(found["contrast"][:, 0]).all() and found["remaining_paint"][:, 0].min() > 95.0
+    # Six of ten points are clipped: their median is no measure of paint, though that of all is
+    contrast = measured(marking(), clipped(points(1.0), 245.0))["contrast"]
+    assert np.median(contrast[:, 0]) == pytest.approx(CONTRAST, rel=0.02)
+    # Of worn paint the points that were recorded may lie on its edges
+    assert np.isnan(measured(marking(), clipped(points(0.3), 245.0))["contrast"][:, 0]).mean() > 0.9
+
+
+def test_few_points_show_contrast_though_not_the_share_that_is_left():
+    cloud = points(1.0)
+    core = np.abs(cloud.xyz[:, 1]) < WIDTH_M / 4
+    found = measured(marking(), cloud.take(~core | (np.cumsum(core) % 30 == 0)))
+    contrast, sigma = found["contrast"].T
+    assert np.isnan(found["remaining_paint"][:, 0]).mean() > 0.8 and np.isfinite(contrast).mean() > 0.8
+    assert np.sqrt(np.nanmean(((contrast - CONTRAST) / sigma) ** 2)) < 1.5
+
+
 def test_paint_that_cannot_be_told_apart_is_unknown():
     plain = points(0.0)
     assert np.isnan(measured(marking(), plain)["remaining_paint"][:, 0]).all()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,10 @@ from linework.model.lines import LineSet
 _FAR_M = 30.0
 #: Fewest points in the core of a piece that show how much paint is left, and fewest painted ones of a marking.
 _LEAST_ON, _LEAST_PAINTED = 10, 30
+#: Fewest points on paint that give its brightness, for each point of road that may be among them: the middle two of four.
+_LEAST_BRIGHT = 4
+#: Least share of painted points that are not as bright as a scanner can record: a quarter is more than worn edges have.
+_LEAST_OPEN = 0.25
 #: Most of the points of plain road that may look like paint: with more, the two cannot be told apart. [share]
 _MOST_MISTAKEN = 0.25
 #: A width with a larger deviation is unknown. [share of the width]
@@ -122,8 +127,21 @@ def _by_marking(pieces: PaintPieces) -> Iterator[tuple[IntArray, dict[int, _Meas
             if usual.ratio is not None:
                 whole, shown = _whole_about(marking, i, marking.take(np.array(about)), usual)
                 here = shown or every
-            found[int(rows[i])] = _measured(marking, i, whole, _mistaken(*here, whole))
+            sigma = math.sqrt(float(np.mean(marking.road_sigma[about] ** 2)))
+            road = _Road(marking.beside[about].sum(axis=0), sigma)
+            found[int(rows[i])] = _measured(marking, i, whole, _mistaken(*here, whole), road)
         yield rows, found
+
+
+class _Road(NamedTuple):
+    """The road about a piece: points beside paint by their ratio, and the relative deviation of its brightness.
+
+    What the sides of one piece differ by is a single draw of what the road between them errs by, often small by chance: the
+    deviation is that of all pieces about.
+    """
+
+    plain: IntArray
+    sigma: float
 
 
 class _Usual(NamedTuple):
@@ -253,41 +271,74 @@ def _mistaken(on: IntArray, beside: IntArray, whole: float | None) -> tuple[floa
     return above, min(0.5 * far / max(upper, 1.0), 0.5)
 
 
-def _measured(pieces: PaintPieces, row: int, whole: float | None, mistaken: tuple[float, float]) -> _Measured:
+def _measured(
+    pieces: PaintPieces, row: int, whole: float | None, mistaken: tuple[float, float], road: _Road
+) -> _Measured:
     """Return share left [%], contrast and width [m] of one piece, each with its standard deviation."""
     hidden: _Measured = dict.fromkeys(("remaining_paint", "contrast", "width"), (None, math.nan))
     on, ratio = pieces.on[row], ratio_of_bin()
     n = int(on.sum())
-    if whole is None or n < _LEAST_ON or sum(mistaken) > 2 * _MOST_MISTAKEN:
+    if whole is None or not n or sum(mistaken) > 2 * _MOST_MISTAKEN:
         return hidden
+    found = dict(hidden)
     painted = np.where(ratio >= 0.5 * (1.0 + whole), on, 0)
-    share = float(painted.sum()) / n
+    n_painted = int(painted.sum())
+    share = n_painted / n
     scale = 1.0 - sum(mistaken)
     left = min(max((share - mistaken[0]) / scale, 0.0), 1.0)
     n_places = min(float(n), max(pieces.area_m2[row] / _SPOT_M**2, 1.0))
-    # By Laplace's rule, as a share of 0 or 1 among a few places is not exact
-    likely = (share * n_places + 1.0) / (n_places + 2.0)
-    found = hidden | {
-        "remaining_paint": (100 * left, 100 * math.sqrt(likely * (1.0 - likely) / n_places) / scale)
-    }
-    if painted.sum() >= _LEAST_ON:
+    if n >= _LEAST_ON:
+        # By Laplace's rule, as a share of 0 or 1 among a few places is not exact
+        likely = (share * n_places + 1.0) / (n_places + 2.0)
+        sigma = math.sqrt(likely * (1.0 - likely) / n_places) / scale
+        found["remaining_paint"] = 100 * left, 100 * sigma
+    if n_painted >= max(1.0, mistaken[0] * (1.0 - left) * n) * _LEAST_BRIGHT:
         # Speckle differs from point to point, paint from patch to patch
-        n_independent = min(float(painted.sum()), max(share * n_places, 1.0))
-        contrast = _quantile(painted, 0.5)
-        noise = 1.2533 * _spread(painted) / math.sqrt(n_independent)
-        found["contrast"] = contrast, math.hypot(noise, contrast * float(pieces.road_sigma[row]))
-        # Of paint that is mostly gone the width is that of what is left
-        if np.isfinite(pieces.across_m[row]) and left >= 0.5:
-            worn = float(pieces.across_m[row]) * math.sqrt(left * (1.0 - left) / n_places)
-            sigma = math.hypot(float(pieces.across_sigma_m[row]), worn)
-            if sigma <= _MOST_OF_WIDTH * pieces.width_m[row]:
-                found["width"] = float(pieces.across_m[row]), sigma
+        n_independent = min(float(n_painted), max(share * n_places, 1.0))
+        found["contrast"] = _contrast(painted, left, int(pieces.n_clipped[row]), n_independent, road)
+    # Of paint that is mostly gone the width is that of what is left
+    if n_painted >= _LEAST_ON and np.isfinite(pieces.across_m[row]) and left >= 0.5:
+        worn = float(pieces.across_m[row]) * math.sqrt(left * (1.0 - left) / n_places)
+        sigma = math.hypot(float(pieces.across_sigma_m[row]), worn)
+        if sigma <= _MOST_OF_WIDTH * pieces.width_m[row]:
+            found["width"] = float(pieces.across_m[row]), sigma
     return found
 
 
 def _quantile(counts: IntArray, share: float) -> float:
     """Return the ratio of the bin below which a share of the counts lie."""
     return float(ratio_of_bin()[np.searchsorted(np.cumsum(counts), share * counts.sum())])
+
+
+def _contrast(
+    painted: IntArray, left: float, n_clipped: int, n_independent: float, road: _Road
+) -> tuple[float | None, float]:
+    """Return the median ratio of painted points to the road and its standard deviation; None where most were clipped.
+
+    Of points as bright as a scanner can record it is not known how bright they are. Where they are more than half, the
+    median follows from the middle one of the others, as paint varies as the road beside does: speckle is a factor. Where
+    they are nearly all, the others lie on worn edges.
+    """
+    open_share = 1.0 - n_clipped / float(painted.sum())
+    if 1.0 - open_share > (1.0 - _LEAST_OPEN) * left:
+        return None, math.nan
+    at = 0.5 if open_share >= 0.5 else 0.5 * open_share
+    contrast = _within_bin(painted, at)
+    if at < 0.5 and road.plain.any():
+        contrast *= _within_bin(road.plain, 0.5) / _within_bin(road.plain, at)
+    normal = NormalDist()
+    # That of a quantile, by the density of normally distributed values at it
+    by_number = math.sqrt(at * (1.0 - at) / n_independent) / normal.pdf(normal.inv_cdf(at))
+    return contrast, math.hypot(_spread(painted) * by_number, contrast * road.sigma)
+
+
+def _within_bin(counts: IntArray, share: float) -> float:
+    """Return the ratio below which a share of the counts lie, between the ends of its bin by how many lie below it."""
+    wanted, below = share * float(counts.sum()), np.cumsum(counts)
+    k = int(np.searchsorted(below, wanted))
+    part = (wanted - float(below[k] - counts[k])) / float(counts[k])
+    ratio = ratio_of_bin()
+    return float(ratio[k] * (ratio[1] / ratio[0]) ** (part - 0.5))
 
 
 def _spread(counts: IntArray) -> float:

@@ -5,6 +5,7 @@ Separate from `paint_along`, which draws conclusions from them: points are read 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -63,7 +64,11 @@ class PaintPieces(Columns):
         (p,) brightness of the road beside, as it was recorded: the geometric mean of the looks, and int64: how many these
         are. Pieces of a marking that are seen in as many looks, and are near to each other, are seen alike.
     road_sigma
-        (p,) relative standard deviation of the brightness of the road: half of what both sides differ by.
+        (p,) relative standard deviation of the brightness of the road: half of what both sides differ by, the noise of
+        their medians, and the steps in which brightness was recorded.
+    n_clipped
+        (p,) int64: points in the core of the paint that are as bright as a scanner can record. Zero where the road beside
+        has no noise, as such paint has none either.
     area_m2
         (p,) area of the core. [m^2]
     across_m, across_sigma_m
@@ -79,6 +84,7 @@ class PaintPieces(Columns):
     road: FloatArray = column()
     n_looks: IntArray = column(np.int64)
     road_sigma: FloatArray = column()
+    n_clipped: IntArray = column(np.int64)
     area_m2: FloatArray = column()
     across_m: FloatArray = column()
     across_sigma_m: FloatArray = column()
@@ -168,7 +174,8 @@ def _looked_at(
     bounds = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
     on, beside = np.zeros((2, len(pieces), N_RATIOS), dtype=np.int64)
     road, road_sigma = np.zeros((2, len(pieces)))
-    n_looks = np.zeros(len(pieces), dtype=np.int64)
+    n_looks, n_clipped = np.zeros((2, len(pieces)), dtype=np.int64)
+    step, brightest = _recorded(value)
     across_m = np.full((2, len(pieces)), np.nan)
     looks: list[list[_Look]] = []
     for i, (a, b) in enumerate(pairwise(bounds.tolist())):
@@ -185,16 +192,32 @@ def _looked_at(
         if not found:
             continue
         q, ratio, plain = (np.concatenate([ratios[k] for ratios in found]) for k in range(3))
-        road_sigma[i] = float(np.mean([ratios[3] for ratios in found]))
         road[i], n_looks[i] = np.exp(np.mean(np.log([ratios[4] for ratios in found]))), len(found)
+        noise = math.hypot(*(ratios[5] for ratios in found)) / len(found)
+        both_sides = float(np.mean([ratios[3] for ratios in found]))
+        road_sigma[i] = math.hypot(both_sides, noise, step / (math.sqrt(12.0) * road[i]))
+        here = order[bounds[i] : bounds[i + 1]]
+        if noise > 0.0:
+            n_clipped[i] = np.count_nonzero(
+                value[here[np.abs(across[here]) <= CORE_SHARE * half]] == brightest
+            )
         on[i] = _counted(ratio[np.abs(q) <= CORE_SHARE * half])
         beside[i] = _counted(plain)
         across_m[:, i] = _width_across(q, ratio, half)
     length = np.array([float(np.linalg.norm(np.diff(one[:, :2], axis=0), axis=1).sum()) for one in pieces])
     return PaintPieces(
         line=line, xy=_middles(pieces), length_m=length, width_m=width_m, on=on, beside=beside, road=road,
-        n_looks=n_looks, road_sigma=road_sigma, area_m2=length * CORE_SHARE * width_m, across_m=across_m[0], across_sigma_m=across_m[1],
+        n_looks=n_looks, road_sigma=road_sigma, n_clipped=n_clipped, area_m2=length * CORE_SHARE * width_m,
+        across_m=across_m[0], across_sigma_m=across_m[1],
     )  # fmt: skip
+
+
+def _recorded(value: FloatArray) -> tuple[float, float]:
+    """Return the least step in which brightness was recorded, 0 where it has none, and the greatest that was."""
+    levels = np.unique(value)
+    return (float(np.diff(levels).min()) if len(levels) > 1 else 0.0), float(levels[-1]) if len(
+        levels
+    ) else 0.0
 
 
 def _on_chords(
@@ -262,8 +285,8 @@ def _sides_of_road(looks: list[_Look]) -> tuple[BoolArray, float]:
 
 def _as_ratios(
     look: _Look, is_road: BoolArray, brighter: float
-) -> tuple[FloatArray, FloatArray, FloatArray, float, float] | None:
-    """Return distances across, ratios to the road, those of the road, its deviation and brightness; None without road.
+) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float] | None:
+    """Return distances across, ratios to the road, those of the road, its deviation, brightness and noise; None without road.
 
     The road under a marking is between those on both sides: it may be brighter on one, where wheels have polished the
     other or it was laid anew. So its brightness is the mean of both, each point beside relative to its own side, and half
@@ -279,7 +302,14 @@ def _as_ratios(
         road *= 0.5 * (1.0 + (1.0 / brighter if used[0] == 0 else brighter))
     plain = np.concatenate([look.beside[k] / own for k, own in zip(used, level, strict=True)])
     every = [float(np.median(look.beside[k])) for k in np.flatnonzero(is_hit).tolist()]
-    return look.across, look.value / road, plain, 0.5 * (max(every) - min(every)) / road, road
+    noise = math.hypot(*(_median_sigma(look.beside[k]) for k in used)) / len(used)
+    return look.across, look.value / road, plain, 0.5 * (max(every) - min(every)) / road, road, noise / road
+
+
+def _median_sigma(value: FloatArray) -> float:
+    """Return the standard deviation of the median of values that are normally distributed but for a few."""
+    low, high = np.percentile(value, (25.0, 75.0))
+    return 1.2533 * float(high - low) / 1.349 / math.sqrt(len(value))
 
 
 def bins_of_factor(factor: FloatArray) -> IntArray:
