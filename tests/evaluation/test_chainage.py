@@ -172,6 +172,22 @@ def test_a_boundary_behind_another_is_no_end_where_that_was_not_found():
     assert [row.value for row in found[:2]] == [pytest.approx(7.4), None]
 
 
+@pytest.mark.parametrize(("measured_m", "widths"), [(6.0, {7.0}), (30.0, {7.0, 7.8})])
+def test_a_boundary_that_was_carried_to_another_edge_is_no_end_of_the_carriageway(measured_m, widths):
+    """It was carried over 20 m under grass, and then measured 0.8 m farther away: for less than that, or for more."""
+    lines, axis = straight([("right", "road_boundary", -3.5, 0.0, "", (0, 100)), *ROAD[1:2]])
+    s = np.arange(0.0, 50.1 + measured_m, 2.0)
+    table = [("left", "road_boundary", 3.5, 0.0, "", (0.0, float(s[-1])))]
+    left = straight(table)[0]
+    share = np.clip((s - 30.0) / 20.0, 0.0, 1.0)
+    xyz = left.xyz.copy()
+    xyz[:, :2] += (0.8 * share)[:, None] * axis.left[0]
+    left = left.with_columns(xyz=xyz, bridged=(s >= 30.0) & (s < 50.0))
+    report = chainage_report(LineSet.concatenate([lines, left]), [axis], every_m=2.0)
+    found = {round(r.value, 1) for r in rows_of(report, "carriageway_width") if r.value is not None}
+    assert found == widths
+
+
 def test_a_rail_has_no_offset_from_the_line_of_a_lane():
     lines, axis = straight(ROAD)
     for role, value in (("edge", 1.0), ("", 1.0), ("lane", None), ("centre", None)):

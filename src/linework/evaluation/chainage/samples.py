@@ -90,16 +90,16 @@ def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[
 
 def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
     """Yield the samples of all stations: lanes and carriageway, kerbs, guardrails and barriers."""
-    paint_near, behind_near = _paint_near(crossings), _behind_near(crossings)
-    beside_near = _paired_near(crossings)
+    paint_near, beside_near = _paint_near(crossings), _paired_near(crossings)
+    others = [a | b for a, b in zip(_behind_near(crossings), _led_astray(crossings), strict=True)]
     for k, (s, here) in enumerate(zip(axis.station_m.tolist(), crossings, strict=True)):
         bounds = [c for c in here if c.kind in ("lane_marking", "road_boundary")]
-        yield from _carriageway(s, bounds, behind_near[k])
+        yield from _carriageway(s, bounds, others[k])
         for right, left in lanes_at(bounds):
             is_unsure = may_lack_edge_line(right, left, bounds, paint_near[k]) or (
                 (right.name, 1) in beside_near[k]
                 or (left.name, -1) in beside_near[k]
-                or not behind_near[k].isdisjoint((right.name, left.name))
+                or not others[k].isdisjoint((right.name, left.name))
             )
             yield from _lane(s, right, left, is_unsure)
         for top in (c for c in here if c.kind == "kerb_top"):
@@ -147,10 +147,10 @@ def lanes_at(bounds: list[Crossing]) -> list[tuple[Crossing, Crossing]]:
     ]
 
 
-def _carriageway(s: float, bounds: list[Crossing], behind: set[str]) -> Iterator[Sample]:
+def _carriageway(s: float, bounds: list[Crossing], others: set[str]) -> Iterator[Sample]:
     """Yield the width between the boundaries on both sides of the axis.
 
-    Unknown where paint may be one of them, or one that lies `behind` another before or after this place.
+    Unknown where paint may be one of them, or one of them is among the boundaries that may be `others`.
     """
     edges = [c for c in bounds if c.kind == "road_boundary"]
     left = [c for c in edges if c.offset_m > _FACE_M]
@@ -161,7 +161,7 @@ def _carriageway(s: float, bounds: list[Crossing], behind: set[str]) -> Iterator
         paint = [
             c.offset_m for c in bounds if c.kind == "lane_marking" and a.offset_m < c.offset_m < b.offset_m
         ]
-        is_unsure = _may_end_at(paint, a.offset_m, b.offset_m) or not behind.isdisjoint((a.name, b.name))
+        is_unsure = _may_end_at(paint, a.offset_m, b.offset_m) or not others.isdisjoint((a.name, b.name))
         yield width._replace(value=None) if is_unsure else width
 
 
@@ -236,6 +236,30 @@ def _behind_near(crossings: list[list[Crossing]]) -> list[set[str]]:
                 nearest = min(away, default=(0.0, ""))[0]
                 behind |= {name for offset, name in away if offset > nearest + _FACE_M}
         found += [behind] * len(crossings[block])
+    return found
+
+
+def _led_astray(crossings: list[list[Crossing]]) -> list[set[str]]:
+    """Return the boundaries at each station that may be another edge, to which a line was carried across a gap.
+
+    Where it goes over by more than the face of a kerb, and was measured for less than it was carried, before or behind the
+    gap, nothing but the guess says that this is the same edge.
+    """
+    runs: dict[str, list[list[tuple[int, Crossing]]]] = {}
+    for k, here in enumerate(crossings):
+        for c in here:
+            if c.kind == "road_boundary":
+                own = runs.setdefault(c.name, [[]])
+                if own[-1] and own[-1][-1][1].bridged != c.bridged:
+                    own.append([])
+                own[-1].append((k, c))
+    found: list[set[str]] = [set() for _ in crossings]
+    for name, own in runs.items():
+        for before, gap, behind in zip(own, own[1:], own[2:], strict=False):
+            if not gap[0][1].bridged or abs(behind[0][1].offset_m - before[-1][1].offset_m) <= _FACE_M:
+                continue
+            for k in (k for run in (before, behind) if len(run) < len(gap) for k, _ in run):
+                found[k].add(name)
     return found
 
 
