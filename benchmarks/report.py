@@ -102,10 +102,11 @@ def measure(survey, errors):
         for (quantity, _, _), found in stretches.items():
             error, sigma = np.array(found).T
             known = np.isfinite(error)
+            mean = math.nan, math.nan
             if known.any():
                 share = 1.0 if quantity == "contrast" else known.sum()
                 mean = error[known].mean(), math.sqrt(np.mean(sigma[known] ** 2) / share)
-                errors["marking", f"{quantity}, {EVERY_M:.0f} m"].append(mean)
+            errors["marking", f"{quantity}, {EVERY_M:.0f} m"].append(mean)
 
 
 def rows_in_order(pieces, axis):
