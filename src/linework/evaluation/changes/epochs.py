@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 
@@ -158,8 +159,9 @@ def _found_alone(
                         continue
                 parts = stretches_of(lines, stations, i, here & (kinds == kind), named, what=what)
                 n_parted = np.cumsum(both | (lost & (kinds != kind)))
-                for _, own in groupby(parts, lambda one: n_parted[first[i] + round(one.from_m / STATION_M)]):  # noqa: B023
-                    one_case = list(own)
+                number = [n_parted[first[i] + round(one.from_m / STATION_M)] for one in parts]
+                for _, own in groupby(zip(number, parts, strict=True), itemgetter(0)):
+                    one_case = [one for _, one in own]
                     cases.append((side, i, joined(lines, i, one_case)))
                     says = 0.0
                     if shown is not None:

@@ -25,6 +25,7 @@ from linework.lines.crosscuts import STATION_M
 _CELL_M, _WINDOW_M = 25.0, 60.0
 #: What the two surveys may be apart: shift, and turn of a cell. [m, rad]
 _PRIOR_SHIFT_M, _PRIOR_TURN = 0.3, 0.002
+_PRIOR = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
 #: By how much shifts of neighbouring cells differ: a tenth of what the surveys may be apart. [m]
 _DRIFT_M = 0.03
 #: Rounds until shifts stay as they are, and more until lines that disagree are left alone.
@@ -179,24 +180,28 @@ def _shifts_and_turns(listed: list[_Cell], cells: IntArray) -> FloatArray:
     farther off than usual counts less and less (Cauchy's weights).
     """
     k = len(listed)
-    beside = cKDTree(cells).query_pairs(_BESIDE_CELLS, output_type="ndarray")
-    prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
-    links = coo_array((np.full(len(beside), 1.0 / _DRIFT_M**2), (beside[:, 0], beside[:, 1])), shape=(k, k))
+    links = _links_beside(cells) / _DRIFT_M**2
     even = kron(laplacian((links + links.T).tocsr()), np.diag([1.0, 1.0, 0.0]))
     found = np.zeros((k, 3))
-    for turn in range(_ROUNDS + _LAST_ROUNDS):
+    for n_done in range(_ROUNDS + _LAST_ROUNDS):
         apart = np.array(
             [_disagreement(one.off(own), one.share) for one, own in zip(listed, found, strict=True)]
         )
-        usual, is_last = 2.0 * float(np.quantile(apart, _WHERE_LINES_AGREE)), turn >= _ROUNDS
+        usual, is_last = 2.0 * float(np.quantile(apart, _WHERE_LINES_AGREE)), n_done >= _ROUNDS
         weigh = partial(_cauchy, usual=usual) if is_last else _absolute
         left, right = zip(
             *(one.normal_of(own, weigh) for one, own in zip(listed, found, strict=True)), strict=True
         )
         known = np.ones(k) if is_last else apart**-2.0
-        normal = block_diag(list(np.array(left) * known[:, None, None] + prior)) + even
+        normal = block_diag(list(np.array(left) * known[:, None, None] + _PRIOR)) + even
         found = spsolve(normal.tocsc(), (np.array(right) * known[:, None]).ravel()).reshape(-1, 3)
     return found
+
+
+def _links_beside(cells: IntArray) -> coo_array:
+    """Return a matrix (k, k) with 1 for each pair of cells that touch, once."""
+    beside = cKDTree(cells).query_pairs(_BESIDE_CELLS, output_type="ndarray")
+    return coo_array((np.ones(len(beside)), (beside[:, 0], beside[:, 1])), shape=(len(cells), len(cells)))
 
 
 def _absolute(off: FloatArray) -> FloatArray:
@@ -225,10 +230,7 @@ def _known_from_beside(sigma_m: FloatArray, cells: IntArray, across: FloatArray)
     [0.01, 0.032, 0.044]
     """
     tree = cKDTree(cells)
-    k = len(cells)
-    beside = tree.query_pairs(_BESIDE_CELLS, output_type="ndarray")
-    links = coo_array((np.ones(len(beside), dtype=bool), (beside[:, 0], beside[:, 1])), shape=(k, k))
-    part = connected_components(links, directed=False)[1]
+    part = connected_components(_links_beside(cells), directed=False)[1]
     known = sigma_m.copy()
     for i in range(len(cells)):
         own = np.array(tree.query_ball_point(cells[i], _KNOWN_CELLS))
@@ -241,10 +243,9 @@ def _known_from_beside(sigma_m: FloatArray, cells: IntArray, across: FloatArray)
 def _deviations(cell: _Cell, found: FloatArray) -> tuple[float, FloatArray]:
     """Return the rise of the new survey near a cell [m], and the deviations in plan and in height (2,) of its shift [m]."""
     A, share, (sigma, sigma_z) = cell.design, cell.share, cell.sigma_m
-    prior = np.diag(1.0 / np.array([_PRIOR_SHIFT_M, _PRIOR_SHIFT_M, _PRIOR_TURN]) ** 2)
     # Lines that disagree more than they state know the shift as much less; few that were moved among many say nothing of it
     scale = _disagreement(cell.off(found), share)
-    covariance = np.linalg.inv(A.T @ ((cell.weight / (scale * sigma) ** 2)[:, None] * A) + prior)
+    covariance = np.linalg.inv(A.T @ ((cell.weight / (scale * sigma) ** 2)[:, None] * A) + _PRIOR)
     across = float(np.sqrt(np.mean(np.einsum("ij,jk,ik->i", A, covariance, A))))
     means = np.array([float(np.median(cell.up_m[cell.line == k])) for k in range(len(share))])
     rise = _weighted_median(means, share)

@@ -53,8 +53,8 @@ def compare_command(
 
     The two are registered by their own lines first, so that slow errors of navigation are no changes. Where NEW could not
     see a line of OLD, that is reported as not visible; what one survey has probably missed, as unsure. With the points of
-    both surveys, stretches with less or more paint than before are changes too, and a line is new or gone only where the
-    other survey saw the ground.
+    both surveys, stretches with less or more paint than before are changes too, a line is new or gone only where the other
+    survey saw the ground, and what that looks like there says whether the line was missed.
     """
     import contextlib
     import math
