@@ -85,12 +85,12 @@ def test_a_kerb_that_is_called_an_edge_is_one_where_the_ground_has_changed():
 
 
 def test_the_edge_of_the_pavement_does_not_pass_for_paint_beside_it():
-    old, new = road(0.0, 3.0, -3.0), road(0.0, -3.0)
-    looks = [
-        look(beside(seen(*offsets, seed=seed), -0.04, 2.5, 3.36))
-        for seed, offsets in ((1, (0.0, 3.0, -3.0)), (2, (0.0, -3.0)))
-    ]
-    assert told(old, new, tuple(looks)) == [("gone", "at 3", 1.0)]
+    def shown(seed, *offsets):
+        return at_line(beside(seen(*offsets, seed=seed), -0.04, 2.5, 0.36), WIDTH_M / 2)
+
+    painted, bare = shown(1, 0.0), shown(2)
+    assert shape_ratio(painted, bare).ratio == pytest.approx(0.0, abs=0.05)
+    assert shape_ratio(painted, shown(3, 0.0)).ratio == pytest.approx(1.0, abs=0.05)
 
 
 def test_what_is_bridged_or_hidden_within_a_marking_that_is_gone_is_gone_too():
@@ -178,16 +178,15 @@ def test_a_rail_in_the_place_of_a_part_of_a_line_parts_what_is_gone():
 
 
 def test_paint_on_the_crown_of_a_road_is_told_by_its_brightness_alone():
-    old, new = road(0.0, 3.0, -3.0), road(3.0, -3.0)
-
-    def crowned(points):
+    def crowned(seed, *offsets, bright=True):
+        points = seen(*offsets, seed=seed)
         up = -0.025 * np.abs(points.xyz[:, 1] - ORIGIN[1])
-        return Points(points.xyz + np.column_stack([0.0 * up, 0.0 * up, up]), intensity=points.intensity)
+        xyz = points.xyz + np.column_stack([0.0 * up, 0.0 * up, up])
+        return at_line(Points(xyz, intensity=points.intensity if bright else None), WIDTH_M / 2)
 
-    before, after = crowned(seen(0.0, 3.0, -3.0)), crowned(seen(3.0, -3.0, seed=2))
-    bright = told(old, new, (look(before), look(after)))
-    assert [one[:2] for one in bright] == [("gone", "at 0")]
-    assert told(old, new, (look(before), look(Points(after.xyz)))) == told(old, new)
+    assert shape_ratio(crowned(1, 0.0), crowned(2)).ratio == pytest.approx(0.0, abs=0.05)
+    # The crown stays, whether paint lies on it or not
+    assert shape_ratio(crowned(1, 0.0, bright=False), crowned(2, bright=False)) is None
 
 
 def test_how_alike_surveys_are_is_taken_from_neighbouring_stations():
@@ -216,21 +215,14 @@ def test_what_is_no_longer_than_a_lorry_may_have_driven_away():
 
 @pytest.mark.parametrize(("left", "ratio"), [(1.0, 1.0), (0.5, 0.5), (0.0, 0.0)])
 def test_the_ratio_of_shapes_is_what_is_left(left, ratio):
-    x = np.arange(0.5, 40.0, 1.0)
-    at = Places(
-        ORIGIN + np.column_stack([x, 0.0 * x, 0.0 * x]),
-        np.tile([0.0, 1.0], (len(x), 1)),
-        np.full(len(x), WIDTH_M / 2),
-    )
     whole, other, none = seen(0.0), seen(0.0, seed=2), seen(seed=3)
     rng = np.random.default_rng(4)
     worn = np.where(rng.uniform(size=len(other)) < left, other.intensity, np.minimum(other.intensity, 100.0))
-    shown = [
-        look_at_ground(at, within(points))
-        for points in (whole, Points(other.xyz, intensity=worn.astype(np.float32)), none)
-    ]
+    worn_points = Points(other.xyz, intensity=worn.astype(np.float32))
+    shown = [at_line(points, WIDTH_M / 2) for points in (whole, worn_points, none)]
     found = shape_ratio(shown[0], shown[1])
-    assert abs(found.ratio - ratio) < 3.0 * found.sigma + 0.04
+    # Relative to all that is there, paint included, which half of the paint makes darker by 8 %
+    assert found.ratio == pytest.approx(ratio, abs=0.08)
     # Bare road has no shape of which the other could be a multiple
     assert shape_ratio(shown[2], shown[0]) is None
 
@@ -238,21 +230,24 @@ def test_the_ratio_of_shapes_is_what_is_left(left, ratio):
 @pytest.mark.parametrize("away_m", [0.1, 0.25, -0.4])
 @pytest.mark.parametrize("is_paint", [True, False])
 def test_a_line_has_moved_as_far_as_its_shape_has_gone_over(away_m, is_paint):
-    x = np.arange(0.5, 60.0, 1.0)
     half_m = WIDTH_M / 2 if is_paint else 0.0
-    at = Places(
-        ORIGIN + np.column_stack([x, 0.0 * x, 0.0 * x]),
-        np.tile([0.0, 1.0], (len(x), 1)),
-        np.full(len(x), half_m),
-    )
 
     def shown(place_m, seed):
         points = seen(place_m, seed=seed) if is_paint else beside(seen(seed=seed), 0.06, 1.5, place_m)
-        return look_at_ground(at, within(points))
+        return at_line(points, half_m)
 
     before, moved, stayed = shown(0.0, 1), shown(away_m, 2), shown(0.0, 3)
     assert move_ratio(before, moved, away_m).ratio == pytest.approx(1.0, abs=0.1)
     assert move_ratio(before, stayed, away_m).ratio == pytest.approx(0.0, abs=0.1)
+
+
+def at_line(points, half_m):
+    """Return what points show along a line in the middle of the road."""
+    x = np.arange(0.5, 60.0, 1.0)
+    at = ORIGIN + np.column_stack([x, 0.0 * x, 0.0 * x])
+    return look_at_ground(
+        Places(at, np.tile([0.0, 1.0], (len(x), 1)), np.full(len(x), half_m)), within(points)
+    )
 
 
 def within(points):
