@@ -418,10 +418,29 @@ def test_between_exact_lines_all_lanes_are_found_and_none_invented(kind):
 def test_a_strip_beside_the_only_line_of_a_road_is_no_part_of_its_lane():
     """The only line is in the middle: where the kerb of one side was not found, the wall behind it bounds no lane."""
     left, right = ("left", "road_boundary", 2.5, "", ""), ("right", "road_boundary", -2.6, "", "")
-    wall = ("wall", "road_boundary", -4.3, "", "")
     assert len(pairs(find_lanes(road(left, CENTRE, right)))) == 2
-    (lane,) = pairs(find_lanes(road(left, CENTRE, wall)))
-    assert set(lane) == {"left", "centre"}
+    for y in (-4.3, -3.7):
+        (lane,) = pairs(find_lanes(road(left, CENTRE, ("wall", "road_boundary", y, "", ""))))
+        assert set(lane) == {"left", "centre"}
     # A lane that is widened in a bend is still one
     wide = ("wide", "road_boundary", lambda x: -2.6 - 0.8 * np.sin(np.pi * x / 100.0), "", "")
     assert len(pairs(find_lanes(road(left, CENTRE, wide)))) == 2
+
+
+def test_two_pieces_of_one_centre_line_beside_each_other_are_no_edge_line():
+    """Where they overlap by 20 m, one of them lies between the other and the boundary."""
+
+    def centre(name, begin, end, y):
+        return (
+            name,
+            "lane_marking",
+            lambda x: np.where((x >= begin) & (x <= end), y, np.nan),
+            "centre",
+            "dashed",
+        )
+
+    lanes = find_lanes(
+        road(centre("a", 0, 60, 0.0), centre("b", 40, 100, -0.06), ("kerb", "road_boundary", 3.4, "", ""))
+    )
+    assert {name for pair in pairs(lanes) for name in pair} == {"a", "b", "kerb"}
+    assert lanes.centre.length_m.sum() == pytest.approx(100.0, abs=22.0)

@@ -91,3 +91,42 @@ def test_a_width_that_may_be_none_of_a_lane_makes_none(sigma_m, n):
     lines = road(EDGE, CENTRE, FAR)
     sigma = np.where(lines.id[lines.line_of_vertex] == "far", sigma_m, 0.01)
     assert len(find_lanes(lines.with_columns(sigma_xy_m=sigma))) == n
+
+
+def test_the_shortest_of_three_lines_within_a_metre_bounds_no_lane():
+    """Scraped paint beside a double line: the lane goes on to the stripe."""
+    left, right = (
+        ("left", "lane_marking", 0.15, "centre", "solid"),
+        ("right", "lane_marking", -0.15, "centre", "solid"),
+    )
+
+    def scraped(y):
+        return (
+            "scraped",
+            "lane_marking",
+            lambda x: np.where((x > 20) & (x < 80), y, np.nan),
+            "centre",
+            "dashed",
+        )
+
+    expected = pairs(find_lanes(road(EDGE, left, right, FAR)))
+    assert len(expected) == 2
+    for y in (0.6, -0.6):
+        assert pairs(find_lanes(road(EDGE, left, right, FAR, scraped(y)))) == expected
+    # So it does between them
+    assert pairs(find_lanes(road(EDGE, left, right, FAR, scraped(0.0)))) == expected
+
+
+def test_lines_are_unsure_only_where_others_lie_beside_them():
+    """Temporary lines leave the lines of a road after 40 m: before, there is one set."""
+
+    def aside(y):
+        return lambda x: np.where(x < 40, np.nan, y + np.interp(x, [40, 60], [0.0, 0.7]))
+
+    sets = [
+        (f"{name} 2", "lane_marking", aside(y), role, pattern)
+        for name, _, y, role, pattern in (EDGE, CENTRE, FAR)
+    ]
+    lanes = find_lanes(road(EDGE, CENTRE, FAR, *sets))
+    assert len(lanes) == 2 and lanes.centre.xyz[:, 0].max() == pytest.approx(40.0, abs=8.0)
+    assert lanes.sigma_width_m.max() < 0.02

@@ -43,9 +43,10 @@ _PATCH_M, _OLDER_SIGMAS = 2.5, 3.0
 _LEAST_BARE = 3
 #: Lines with a lower confidence are more likely none than one.
 _LIKELY = 0.5
-#: A road's only line is its middle. Where one of its sides is wider than the other by this, a strip lies beside the lane:
-#: parked cars and footways take 1.8 m and 1.5 m at least (Germany's RASt 06). [m]
-_STRIP_M = 1.5
+#: A road's only line is its middle. Where one of its sides is wider than the other by this, something has room beside the
+#: lane that is no part of it, or its end was found elsewhere: a cyclist takes 1.0 m, a footway 1.5 m and a parked car 1.8 m
+#: at least (Germany's RASt 06). [m]
+_STRIP_M = 1.0
 #: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
 #: rows of vehicles, as where the line between two lanes is worn away. [m]
 SINGLE_LANE_M = (2.2, 4.4)
@@ -62,6 +63,14 @@ class Bound(NamedTuple):
     bridged: bool
 
 
+class Beside(NamedTuple):
+    """Where along a line other paint lies beside it, and how far from it [m]."""
+
+    begin_m: float
+    end_m: float
+    apart_m: float
+
+
 class _Pairs:
     """Paint 0.15 to 0.5 m beside other paint: the stripes of a double line, or two generations of paint.
 
@@ -73,6 +82,8 @@ class _Pairs:
     def __init__(self) -> None:
         #: Whether each of two lines is bridged, station by station.
         self.bridged: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
+        #: Distance along each of two lines, station by station. [m]
+        self._along_m: dict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
         self._sum_m: dict[tuple[int, int], float] = defaultdict(float)
         self._here: list[tuple[float, float]] = []
         self._n_stations = {"one": 0, "two": 0, "shifted": 0}
@@ -83,6 +94,7 @@ class _Pairs:
         apart_m = abs(b.offset_m - a.offset_m)
         self.bridged[first.line, second.line].append((first.bridged, second.bridged))
         self._sum_m[first.line, second.line] += apart_m
+        self._along_m[first.line, second.line].append((first.along_m, second.along_m))
         self._here.append((0.5 * (a.offset_m + b.offset_m), apart_m))
 
     def next_station(self) -> None:
@@ -98,6 +110,14 @@ class _Pairs:
     def apart_m(self, a: int, b: int) -> float:
         """Return the mean distance of two lines [m]."""
         return self._sum_m[a, b] / len(self.bridged[a, b])
+
+    def beside(self, a: int, b: int) -> list[tuple[int, Beside]]:
+        """Return for each of two lines where it lies beside the other, and how far from it."""
+        along_m = zip(*self._along_m.get((a, b), ()), strict=True)
+        return [
+            (line, Beside(min(own), max(own), self.apart_m(a, b)))
+            for line, own in zip((a, b), along_m, strict=False)
+        ]
 
     @property
     def are_many(self) -> bool:
@@ -132,8 +152,8 @@ class BoundEvidence:
         self._size = _sizes(lines, self._measured_m)
         #: Lines that are no bounds: what is beside them bounds lanes as if they were not there.
         self.strays: set[int] = set()
-        #: Lines with paint of another generation beside them, either of which may be the one that counts: how far. [m]
-        self.unsettled_m: dict[int, float] = {}
+        #: Where lines have paint of another generation beside them, either of which may be the one that counts.
+        self.unsettled: dict[int, set[Beside]] = defaultdict(set)
         #: Paint beside longer paint, nearer than a lane is wide: its pieces count one by one.
         self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
@@ -159,6 +179,7 @@ class BoundEvidence:
         """Take in what crosses the perpendiculars of a road, and which of it are patches within lanes."""
         beside: Counter[int] = Counter()
         in_strip: Counter[int] = Counter()
+        third: Counter[int] = Counter()
         pairs, wide = _Pairs(), _Pairs()
         self._add_paint_that_continues(rows)
         self._add_sides(rows)
@@ -195,9 +216,13 @@ class BoundEvidence:
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
                 if is_mixed:
+                    paint = a if self._is_paint[a.line] else b
                     self._inside[a.line, b.line] |= {
-                        c.line for c in here[i + 1 : j] if self._is_paint[c.line]
+                        c.line
+                        for c in here[i + 1 : j]
+                        if self._is_paint[c.line] and abs(c.offset_m - paint.offset_m) > _DOUBLE_M
                     }
+            third.update(self._third_lines(here))
             pairs.next_station()
             wide.next_station()
             in_strip.update(shorter_here)
@@ -207,6 +232,7 @@ class BoundEvidence:
         self.strays |= {
             line for line, n in beside.items() if self._is_unknown[line] and self._is_most_of(line, n)
         }
+        self.strays |= {line for line, n in third.items() if self._is_most_of(line, n)}
         older = self._older_paint(pairs)
         self.strays |= older
         doubtful = [(pairs, pair) for pair in pairs.bridged if self._are_generations(*pair, pairs)]
@@ -214,8 +240,26 @@ class BoundEvidence:
         for of, both in doubtful:
             shorter = min(both, key=lambda i: self._size[i])
             if self._is_most_of(shorter, len(of.bridged[both])) and not older & set(both):
-                for line in both:
-                    self.unsettled_m[line] = max(self.unsettled_m.get(line, 0.0), of.apart_m(*both))
+                # Where they part they are nearer to each other than farther on
+                for line, beside_it in (*pairs.beside(*both), *wide.beside(*both)):
+                    self.unsettled[line].add(beside_it)
+
+    def unsettled_m(self, bound: Bound) -> float:
+        """Return how far beside a line at a place paint of another generation is that may count in its stead [m]."""
+        return unsettled_at_m(self.unsettled.get(bound.line, ()), bound.along_m)
+
+    def _third_lines(self, here: Sequence[Bound]) -> set[int]:
+        """Return the shortest of three lines of paint within a metre, at a station.
+
+        A double line has two stripes: the third is older paint, a scraped line or a joint.
+        """
+        paint = [row for row in here if self._is_paint[row.line]]
+        found: set[int] = set()
+        for a, b, c in zip(paint, paint[1:], paint[2:], strict=False):
+            if c.offset_m - a.offset_m > _DOUBLE_M or len({a.line, b.line, c.line}) < 3:
+                continue
+            found.add(min((a.line, b.line, c.line), key=lambda i: self._size[i]))
+        return found
 
     def _are_generations(self, a: int, b: int, pairs: _Pairs) -> bool:
         """Return whether two lines beside each other are no double line: there are more pairs, or it is an edge line."""
@@ -307,9 +351,6 @@ class BoundEvidence:
         """Return whether two neighbouring lines bound no lane."""
         if any(self._is_unlikely[line] for line in pair):
             return True
-        # Where a lane may as well be half a metre elsewhere, its lines say nothing
-        if any(self.unsettled_m.get(line, 0.0) > TWO_STRIPES_M[1] for line in pair):
-            return True
         paint = [line for line in pair if self._is_paint[line]]
         if any(self._is_short(line) for line in paint) or self._inside.get(pair, set()) - self.strays:
             return True
@@ -321,6 +362,14 @@ class BoundEvidence:
         if paint[0] not in self._accompanied:
             return pair in self._with_strip or not (self._may_be_alone[paint[0]] or self._is_inner[paint[0]])
         return not self._is_inner[paint[0]]
+
+
+def unsettled_at_m(beside: Iterable[Beside], along_m: float) -> float:
+    """Return the largest distance of paint that lies beside a line at a place along it, to within a station [m]."""
+    return max(
+        (one.apart_m for one in beside if one.begin_m - STATION_M <= along_m <= one.end_m + STATION_M),
+        default=0.0,
+    )
 
 
 def _measured_m(lines: LineSet) -> tuple[FloatArray, FloatArray]:

@@ -13,7 +13,15 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.lines.along import runs_of
 from linework.lines.crosscuts import STATION_M, Axis, LinesToCut, cross_cuts
-from linework.lines.lane_evidence import LANE_LIMITS_M, SINGLE_LANE_M, Bound, BoundEvidence
+from linework.lines.kept_distance import known_by_distance
+from linework.lines.lane_evidence import (
+    LANE_LIMITS_M,
+    SINGLE_LANE_M,
+    TWO_STRIPES_M,
+    Beside,
+    Bound,
+    BoundEvidence,
+)
 from linework.lines.reference_curve import ReferenceCurve, reference_curve
 from linework.lines.within_lanes import patches_within_lanes
 from linework.model.lines import LineSet
@@ -25,7 +33,7 @@ _WALLS = ("guardrail", "barrier", "fence")
 _APART_M = 0.05
 #: Shortest road. [m]
 _SHORTEST_M = 10.0
-#: Least length of a lane that was measured on both sides: one car. [m]
+#: Least length of a lane whose bounds are both known: one car. [m]
 _SHORTEST_LANE_M = 5.0
 #: Longest stretch on which neither bound was measured, within a lane: shorter than the mouth of any side street, whose
 #: lane of 3 m has corners of 1.5 m at least. Worn paint and parked cars hide both bounds at once over less. It is counted
@@ -38,6 +46,9 @@ _TAPER = 0.1
 _CONVERGING, _TAPER_REACH_M = 0.01, 5.0
 #: Largest crossfall, that of the steepest superelevation in design guides (AASHTO: 12 %). Steeper is no one surface.
 _STEEPEST = 0.12
+#: Painted lines wobble by 1 to 3 cm: at a single station a lane may be as much narrower or wider than the limits of its
+#: width along it, at two deviations of both its bounds; along it as much as lines are extracted to. [m]
+_WOBBLE_M, _ACCURACY_M = 0.06, 0.02
 #: So many standard deviations of a width are less than half the range of widths of lanes: by chance once in 370.
 _WIDTH_SIGMAS = 3.0
 #: Lines that turn more than 25 degrees from the road do not bound a lane.
@@ -85,27 +96,28 @@ class LaneRoad:
     """A road without a break: a reference curve, its stations, and sections one after the other.
 
     `without_edge_line` are the pairs of bounds, right one first, of which one is the end of the carriageway although the
-    paint has an edge line on its other side: there may be one that was not found. `unsettled_m` has the lines beside which
-    paint of another generation lies, and how far: which of both counts is not known. [m]
+    paint has an edge line on its other side: there may be one that was not found. `unsettled` has the lines beside which
+    paint of another generation lies, and where: which of both counts there is not known.
     """
 
     curve: ReferenceCurve
     station_m: FloatArray
     sections: tuple[LaneSection, ...]
     without_edge_line: frozenset[tuple[int, int]]
-    unsettled_m: Mapping[int, float]
+    unsettled: Mapping[int, frozenset[Beside]]
 
 
 def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> list[LaneRoad]:
     """Return the roads whose spaces between lines follow from the lines alone; each space belongs to one road.
 
     A space is between two neighbouring bounds, 2.2 to 6.0 m apart (or narrower, beside such a one), at least one of them
-    paint and at least one of them measured, with nothing between. There are none across junctions, where bounds end.
+    paint and at least one of them known, with nothing between: measured, or where the distance says that it keeps from
+    another line that was measured there. There are none across junctions, where bounds end.
 
-    A space is a lane where its width is within `widths_m` [m] and changes by at most 0.1 m/m, with one surface between its
-    bounds, both of which were measured on more than 5 m of it. It goes on over up to 6 stations at which neither
-    was measured. Between paint and the end of the carriageway that holds only where the paint is known to be a centre or
-    lane line: outside an edge line there are shoulders and parking strips.
+    A space is a lane where its width is within `widths_m` [m] (its median to 2 cm, at each station to 6 cm) and changes by
+    at most 0.1 m/m, with one surface between its bounds, both of which are known on more than 5 m of it. It goes on over up
+    to 6 stations at which neither is. Between paint and the end of the carriageway that holds only where the paint is known
+    to be a centre or lane line: outside an edge line there are shoulders and parking strips.
     """
     rank = np.array([BOUND_KINDS.index(k) if k in BOUND_KINDS else 9 for k in lines.kind.tolist()])
     roads: list[LaneRoad] = []
@@ -129,32 +141,38 @@ def lane_roads(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M)
             [row for row in here if row.line not in barred.strays | within]
             for here, within in zip(rows, patches, strict=True)
         ]
-        wedges, carried = _wedges(rows, widths_m[0]), _carried(rows)
-        profiles = [_profile(lines, here, i, taken, widths_m, carried[k]) for k, here in enumerate(rows)]
+        wedges, carried, known = _wedges(rows, widths_m[0]), _carried(rows), known_by_distance(rows)
+        profiles = [
+            _profile(lines, here, i, taken, widths_m, carried[k], known[k]) for k, here in enumerate(rows)
+        ]
         for first, last in runs_of(np.array([p is not None for p in profiles])):
             if station_m[last] - station_m[first] >= _SHORTEST_M:
-                known = [p for p in profiles[first : last + 1] if p is not None]
-                sections = _sections(_settled(known, first, barred, wedges, widths_m), first, i)
+                whole = [p for p in profiles[first : last + 1] if p is not None]
+                sections = _sections(_settled(whole, first, barred, wedges, widths_m), first, i)
                 roads.append(
                     LaneRoad(
                         curve,
                         station_m,
                         sections,
                         barred.without_edge_line(section.bounds for section in sections),
-                        dict(barred.unsettled_m),
+                        {line: frozenset(beside) for line, beside in barred.unsettled.items()},
                     )
                 )
-                for profile in known:
+                for profile in whole:
                     taken.update(_cells(profile))
     return roads
 
 
 @dataclass(frozen=True, slots=True)
 class _Profile:
-    """Bounds at a station, from right to left, and which spaces between them are lanes."""
+    """Bounds at a station, from right to left, which spaces between them are lanes, and which of them are known.
+
+    A bound is known where it was measured, or where another line says that it is (see `known_by_distance`).
+    """
 
     bounds: tuple[Bound, ...]
     is_lane: tuple[bool, ...]
+    is_known: tuple[bool, ...]
 
     @property
     def lines(self) -> tuple[int, ...]:
@@ -206,7 +224,7 @@ def _carried(rows: Sequence[Sequence[Bound]]) -> list[set[tuple[int, int]]]:
 
 def _profile(
     lines: LineSet, rows: Sequence[Bound], centre: int, taken: set[tuple[int, int, int]],
-    widths_m: tuple[float, float], carried: set[tuple[int, int]],
+    widths_m: tuple[float, float], carried: set[tuple[int, int]], known: frozenset[int],
 ) -> _Profile | None:  # fmt: skip
     """Return the bounds to both sides of the line that a road follows, as far as spaces reach; None without any."""
     own = next((j for j, row in enumerate(rows) if row.line == centre and abs(row.offset_m) < 1.0), None)
@@ -223,11 +241,12 @@ def _profile(
             if gap < _APART_M:
                 continue
             kinds = (str(lines.kind[here.line]), str(lines.kind[there.line]))
-            is_wide = gap >= min(LANE_LIMITS_M[0], widths_m[0])
+            is_wide = gap >= min(LANE_LIMITS_M[0], widths_m[0]) - _WOBBLE_M
             one, other = sorted((here, there))
             is_open = (one.line, other.line, int(one.along_m)) not in taken
             right, left = (here, there) if direction == 1 else (there, here)
             is_known = not (here.bridged and there.bridged) or (right.line, left.line) in carried
+            is_known = is_known or not known.isdisjoint((here.line, there.line))
             is_known = "lane_marking" in kinds and is_known if is_wide else True
             if (
                 kinds[1] in _WALLS
@@ -243,7 +262,9 @@ def _profile(
     if not is_any or len({row.line for row in chosen}) < len(chosen):
         return None
     are_lanes = (_is_lane(a, b, widths_m) for a, b in pairwise(chosen))
-    return _Profile(tuple(chosen), tuple(are_lanes))
+    return _Profile(
+        tuple(chosen), tuple(are_lanes), tuple(not row.bridged or row.line in known for row in chosen)
+    )
 
 
 def _is_lane(right: Bound, left: Bound, widths_m: tuple[float, float]) -> bool:
@@ -256,7 +277,7 @@ def _is_lane(right: Bound, left: Bound, widths_m: tuple[float, float]) -> bool:
     sigma = float(np.hypot(sigma_right, sigma_left))
     is_vague = _WIDTH_SIGMAS * sigma > 0.5 * (widths_m[1] - widths_m[0])
     return (
-        widths_m[0] <= width < widths_m[1]
+        widths_m[0] - _WOBBLE_M <= width < widths_m[1] + _WOBBLE_M
         and abs(left.up_m - right.up_m) <= _STEEPEST * width
         and not is_vague
     )
@@ -277,20 +298,20 @@ def _settled(
     spaces: dict[tuple[int, int], list[_Space]] = defaultdict(list)
     for k, p in enumerate(profiles):
         for j, (a, b) in enumerate(pairwise(p.bounds)):
-            is_measured = (not a.bridged, not b.bridged)
-            spaces[a.line, b.line].append(_Space(k, j, b.offset_m - a.offset_m, p.is_lane[j], is_measured))
+            is_known = p.is_known[j] and p.is_known[j + 1]
+            aside_m = (barred.unsettled_m(a), barred.unsettled_m(b))
+            width_m = b.offset_m - a.offset_m
+            spaces[a.line, b.line].append(_Space(k, j, width_m, p.is_lane[j], is_known, aside_m))
     kept = [[False] * len(p.is_lane) for p in profiles]
     for pair, places in spaces.items():
         if barred.has(pair):
             continue
         wedge = wedges.get(pair, set())
-        # Either width has to be that of a lane
-        aside_m = max(barred.unsettled_m.get(line, 0.0) for line in pair)
         is_lane = np.array(
             [
                 place.is_lane
                 and first_station + place.station not in wedge
-                and widths_m[0] + aside_m <= place.width_m < widths_m[1] - aside_m
+                and place.is_settled(widths_m, _WOBBLE_M)
                 for place in places
             ]
         )
@@ -302,20 +323,36 @@ def _settled(
                 if y.station != x.station + 1 or abs(y.width_m - x.width_m) > _TAPER * STATION_M
             ]
             for begin, end in pairwise([0, *cuts, len(run)]):
-                if sum(all(place.is_measured) for place in run[begin:end]) > _SHORTEST_LANE_M / STATION_M:
+                middle = sorted(run[begin:end], key=lambda place: place.width_m)[(end - begin) // 2]
+                n_known = sum(place.is_known for place in run[begin:end])
+                if middle.is_settled(widths_m, _ACCURACY_M) and n_known > _SHORTEST_LANE_M / STATION_M:
                     for place in run[begin:end]:
                         kept[place.station][place.number] = True
     return [replace(p, is_lane=tuple(flags)) for p, flags in zip(profiles, kept, strict=True)]
 
 
 class _Space(NamedTuple):
-    """The space between two lines at a station: which of its spaces, width [m], whether a lane, which sides measured."""
+    """The space between two lines at a station: which of its spaces, width [m], whether a lane, and its bounds known.
+
+    `aside_m` is how far beside each bound there is paint of another generation, 0 where there is none. [m]
+    """
 
     station: int
     number: int
     width_m: float
     is_lane: bool
-    is_measured: tuple[bool, bool]
+    is_known: bool
+    aside_m: tuple[float, float]
+
+    def is_settled(self, widths_m: tuple[float, float], within_m: float) -> bool:
+        """Return whether either width is that of a lane, within a distance [m], and its place known to half a metre.
+
+        Where both bounds have paint of another generation beside them, one of each may be what lies next to each other.
+        """
+        aside_m = max(self.aside_m)
+        least_m, most_m = widths_m[0] + aside_m - within_m, widths_m[1] - aside_m + within_m
+        is_mixed = min(self.aside_m) > 0.0
+        return not is_mixed and aside_m <= TWO_STRIPES_M[1] and least_m <= self.width_m < most_m
 
 
 def _wedges(rows: Sequence[Sequence[Bound]], least_m: float) -> dict[tuple[int, int], set[int]]:
@@ -327,7 +364,7 @@ def _wedges(rows: Sequence[Sequence[Bound]], least_m: float) -> dict[tuple[int, 
     reach = int(_TAPER_REACH_M / STATION_M)
     found: dict[tuple[int, int], set[int]] = {}
     for pair, places in widths.items():
-        flags = np.array([w < least_m for _, w in places])
+        flags = np.array([w < least_m - _WOBBLE_M for _, w in places])
         if not flags.any():
             continue
         for order in (slice(None), slice(None, None, -1)):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, distance_along
-from linework.lines.lane_evidence import SINGLE_LANE_M
+from linework.lines.lane_evidence import SINGLE_LANE_M, unsettled_at_m
 from linework.lines.lane_sections import LaneRoad, LaneSection, lane_roads
 from linework.lines.names import with_ids
 from linework.model.lines import LineSet
@@ -83,16 +83,23 @@ class _Piece(NamedTuple):
 
     @property
     def unsettled_m(self) -> float:
-        """Distance of the bounds from what may bound the lane in their place, both together [m]."""
-        right, left = (self.road.unsettled_m.get(line, 0.0) for line in self.bounds)
+        """Largest distance of the bounds from what may bound the lane in their place, both together [m]."""
+        right, left = (
+            max(unsettled_at_m(self.road.unsettled.get(line, ()), at) for at in self._along_m(side))
+            for side, line in enumerate(self.bounds)
+        )
         return float(np.hypot(right, left))
+
+    def _along_m(self, side: int) -> list[float]:
+        return [at for section, j in self.spaces for at in section.along_m[:, j + side].tolist()]
 
 
 def find_lanes(lines: LineSet, *, widths_m: tuple[float, float] = SINGLE_LANE_M) -> Lanes:
     """Return the lanes that follow from lines alone.
 
     A lane is between two neighbouring lines at least one of which is paint, at stations every metre: nothing lies
-    between, at least one of both was measured, and the width is within limits. Lanes end where one of both lines ends
+    between, at least one of both was measured or keeps its distance from another line that was, and the width is within
+    limits. Lanes end where one of both lines ends
     or another takes its place; there are none across the mouths of junctions, and none has a direction of travel.
 
     Parameters

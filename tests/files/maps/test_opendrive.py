@@ -140,22 +140,28 @@ def test_the_file_says_what_was_measured_and_no_more(tmp_path):
     assert "1 lines of kerb_top, 1 lines of road_marking_other" in text
 
 
-def test_hidden_lanes_are_not_invented(tmp_path):
-    """Where both bounds were carried across a gap there is no lane; where the boundary is missing, none beside it."""
-    (road, *_), lines = lane_roads(changing_lines()), changing_lines()
-    names = [[str(lines.id[i]) for i in section.bounds] for section in road.sections]
-    assert ["right", "middle"] in names or ["curb", "right", "middle"] in names
-    for section in road.sections:
-        ids = [str(lines.id[i]) for i in section.bounds]
-        xy = road.curve.places(road.station_m[section.first : section.last + 1]) - np.array(
-            [401_234.5, 5_655_432.1]
-        )
-        along = 60 * np.arctan2(xy[:, 0], 60 - xy[:, 1])
-        if "left" in ids:
-            assert ((along <= 51) | (along >= 59)).all()
-        if "curb" in ids:
-            assert along.min() > 19 and along.max() < 90
-        assert section.is_lane == tuple(np.diff(section.offset_m[0]) >= 2.2)
+@pytest.mark.parametrize("is_right_hidden", [False, True])
+def test_hidden_lanes_are_not_invented(is_right_hidden):
+    """Where both bounds were carried across a gap there is no lane, unless a line beside them says where they are."""
+    lines = changing_lines()
+    if is_right_hidden:
+        # With all that stands beside the lane
+        away_m = np.hypot(*(lines.xyz[:, None, :2] - lines.xyz[lines.bridged, :2]).T).min(axis=0)
+        lines = lines.with_columns(bridged=away_m < 6.0)
+    roads = lane_roads(lines)
+    assert len(roads) == (2 if is_right_hidden else 1)
+    for road in roads:
+        for section in road.sections:
+            ids = [str(lines.id[i]) for i in section.bounds]
+            xy = road.curve.places(road.station_m[section.first : section.last + 1])
+            along = 60 * np.arctan2(*(xy - np.array([401_234.5, 5_655_492.1])).T * np.array([[1], [-1]]))
+            if is_right_hidden:
+                assert ((along <= 51) | (along >= 59)).all()
+            if "curb" in ids:
+                assert along.min() > 19 and along.max() < 90
+            assert section.is_lane == tuple(np.diff(section.offset_m[0]) >= 2.2)
+    names = [[str(lines.id[i]) for i in section.bounds] for road in roads for section in road.sections]
+    assert {"right", "middle", "left"} in map(set, names)
 
 
 def test_nothing_is_a_lane_that_is_no_lane():
