@@ -84,8 +84,9 @@ def test_positions_are_on_the_lines_to_the_millimetre(tmp_path, lines):
         own = shapely.LineString(lines[i].xyz)
         assert line.kind == lines[i].kind and line.pattern == lines[i].pattern
         points = shapely.points(line.xyz)
-        # At its stations the writer has checked a millimetre; between them lines here are chords, the road is a curve
-        assert shapely.distance(shapely.force_2d(points), shapely.force_2d(own)).max() < 1.5e-3
+        # At its stations the writer has checked a millimetre; between them lines here are chords, the road is a curve: a
+        # metre of 60 m radius rises by 2.1 mm
+        assert shapely.distance(shapely.force_2d(points), shapely.force_2d(own)).max() < 2.1e-3
         at = shapely.line_locate_point(shapely.force_2d(own), shapely.force_2d(points))
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(lines[i].xyz[:, :2], axis=0).T))])
         np.testing.assert_allclose(line.xyz[:, 2], np.interp(at, along, lines[i].xyz[:, 2]), atol=2e-3)
