@@ -5,6 +5,7 @@ import pytest
 from tests.scenes.chainage_scenes import ROAD, rows_of, straight
 
 from linework.evaluation.chainage.rows import chainage_report
+from linework.lines.dashes import rhythm_of_whole
 
 
 def test_dashes_gaps_and_missing_dashes():
@@ -114,3 +115,18 @@ def test_a_stray_dash_makes_no_shorter_rhythm(stray):
     assert all(
         row.value is None or row.value <= len(RHYTHM) for row in rows_of(report, "missing_dashes", "sum")
     )
+
+
+def test_the_period_is_not_twice_as_long_where_every_second_dash_was_cut_longer():
+    """To 6.2 m, and those between to 5.92 m and less: the gap of a motorway was 30 m long instead of 12."""
+    half = [3.1, 2.96, 3.1, 2.9, 3.1, 2.84, 3.1]
+    dashes = [(18.0 * k + 3.0 - h, 18.0 * k + 3.0 + h) for k, h in enumerate(half)]
+    rhythm = rhythm_of_whole(np.array(dashes))
+    assert (rhythm.dash_m, rhythm.gap_m) == pytest.approx((6.2, 11.8))
+    # What is less than half as long may be anything: patches, or an older marking
+    patches = [(18.0 * k + 2.0, 18.0 * k + 4.0) for k in (1, 3)]
+    rhythm = rhythm_of_whole(np.array(sorted([*dashes[::2], *patches])))
+    assert (rhythm.dash_m, rhythm.gap_m) == pytest.approx((6.2, 29.8))
+    # A single dash is a stray
+    rhythm = rhythm_of_whole(np.array(sorted([*dashes[::2], dashes[1]])))
+    assert (rhythm.dash_m, rhythm.gap_m) == pytest.approx((6.2, 29.8))

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.model.lines import LineSet
 
 #: A dash belongs to the marking whose line is this near to its middle. [m]
@@ -120,7 +120,7 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
     A single end is as far off as half the distance of scan lines. A mean over many dashes is not, and the period is
     known better still, as it adds up from the first whole dash to the last. Wear makes dashes shorter: where three or more
     are longer than the most and cover their places, the most were cut alike, and the longer ones are whole. Less than three
-    were drawn through a gap.
+    were drawn through a gap. Every second dash may be cut longer: others in the middle of the gaps are dashes, too.
 
     Parameters
     ----------
@@ -133,23 +133,54 @@ def rhythm_of_whole(dashes: FloatArray) -> MarkingRhythm | None:
     >>> [round(value, 3) for value in rhythm_of_whole(worn)[:2]]
     [3.0, 6.0]
     """
-    length, middle = dashes[:, 1] - dashes[:, 0], dashes.mean(axis=1)
+    length = dashes[:, 1] - dashes[:, 0]
     found, chosen = None, np.arange(len(dashes))
     while len(chosen):
         chosen = chosen[whole_dashes(length[chosen])]
         rhythm = _rhythm_of(dashes[chosen])
         if rhythm is None:
             break
+        rhythm = _with_those_between(rhythm, dashes, chosen)
         period = rhythm.dash_m + rhythm.gap_m
-        off = middle - middle[chosen[0]]
-        off -= np.median((off - period * np.rint(off / period))[chosen])
-        beyond = np.abs(off - period * np.rint(off / period)) - 0.5 * np.abs(length - rhythm.dash_m)
-        is_of_it = beyond <= ALIKE_DASHES_M
+        is_of_it = _is_at_its_place(rhythm, dashes, chosen, period)
         if 2 * np.count_nonzero(is_of_it) >= len(dashes):
             found = rhythm
         # What is as long as a period are two dashes that were joined
         chosen = np.flatnonzero(is_of_it & (length > rhythm.dash_m + ALIKE_DASHES_M) & (length < period))
     return found
+
+
+def _is_at_its_place(
+    rhythm: MarkingRhythm, dashes: FloatArray, whole: IntArray, period_m: float
+) -> BoolArray:
+    """Return which dashes (k,) lie whole periods from the whole ones, their numbers (n,): a worn one by up to half of what it lost."""
+    length, middle = dashes[:, 1] - dashes[:, 0], dashes.mean(axis=1)
+    off = middle - middle[whole[0]]
+    off -= np.median((off - period_m * np.rint(off / period_m))[whole])
+    beyond = np.abs(off - period_m * np.rint(off / period_m)) - 0.5 * np.abs(length - rhythm.dash_m)
+    return np.asarray(beyond <= ALIKE_DASHES_M)
+
+
+def _with_those_between(rhythm: MarkingRhythm, dashes: FloatArray, whole: IntArray) -> MarkingRhythm:
+    """Return the rhythm with half its period where dashes lie in the middle of most of its gaps.
+
+    Scan lines may cut every second dash longer, and these pass for the whole ones. What is less than half as long may be
+    anything, and a single one is a stray.
+    """
+    period = rhythm.dash_m + rhythm.gap_m
+    length, middle = dashes[:, 1] - dashes[:, 0], dashes.mean(axis=1)
+    is_between = (
+        (middle > middle[whole[0]])
+        & (middle < middle[whole[-1]])
+        & (2 * length >= rhythm.dash_m)
+        & _is_at_its_place(rhythm, dashes, whole, period / 2)
+        & ~_is_at_its_place(rhythm, dashes, whole, period)
+    )
+    gaps = np.unique(np.floor((middle[is_between] - middle[whole[0]]) / period))
+    n_gaps = round(float(middle[whole[-1]] - middle[whole[0]]) / period)
+    if 2 * len(gaps) <= n_gaps or period / 2 <= rhythm.dash_m:
+        return rhythm
+    return rhythm._replace(gap_m=period / 2 - rhythm.dash_m)
 
 
 def _rhythm_of(whole: FloatArray) -> MarkingRhythm | None:
