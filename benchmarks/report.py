@@ -21,11 +21,12 @@ import linework
 from benchmarks.accuracy import seeds_of
 from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.chainage.bends import with_bends
+from linework.evaluation.chainage.crossings import crossings_at
 from linework.evaluation.chainage.dashes_along import dash_samples
 from linework.evaluation.chainage.paint_along import paint_samples
 from linework.evaluation.chainage.paint_points import CORE_SHARE, paint_pieces
 from linework.evaluation.chainage.routes import own_routes
-from linework.evaluation.chainage.samples import clearance_samples, crossings_at, station_samples
+from linework.evaluation.chainage.samples import clearance_samples, station_samples
 from linework.evaluation.report.tables import ReportTable
 from linework.lines.crosscuts import cross_cuts
 from linework.simulation.folder import write_survey_folder

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from linework.evaluation.chainage.bends import with_bends
-from linework.evaluation.chainage.samples import Sample, crossings_at, station_samples
+from linework.evaluation.chainage.crossings import crossings_at
+from linework.evaluation.chainage.samples import Sample, station_samples
 from linework.lines.crosscuts import axis_along, cross_cuts
 from linework.model.lines import LineSet
 

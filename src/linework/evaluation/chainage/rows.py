@@ -12,17 +12,11 @@ import numpy as np
 
 from linework.errors import UsageError, argument
 from linework.evaluation.chainage.bends import with_bends
+from linework.evaluation.chainage.crossings import Crossing, crossings_at
 from linework.evaluation.chainage.dashes_along import dash_samples
 from linework.evaluation.chainage.paint_along import paint_samples
 from linework.evaluation.chainage.paint_points import PaintPieces
-from linework.evaluation.chainage.samples import (
-    Crossing,
-    Sample,
-    clearance_samples,
-    crossings_at,
-    shape_samples,
-    station_samples,
-)
+from linework.evaluation.chainage.samples import Sample, clearance_samples, shape_samples, station_samples
 from linework.evaluation.chainage.standards import LIMITS, limit_for, rhythm_name, verdict_of
 from linework.lines.crosscuts import Axis, cross_cuts
 from linework.model.lines import LineSet

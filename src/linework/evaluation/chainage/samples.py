@@ -14,20 +14,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, distance_along
-from linework.lines.crosscuts import STATION_M, Axis, CrossCuts
-from linework.lines.lane_evidence import LANE_LIMITS_M, STRAY_PAINT_M, TWO_STRIPES_M
+from linework.evaluation.chainage.crossings import FACE_M, Crossing
+from linework.evaluation.chainage.other_lines import doubtful_bounds, paint_near, paired_near
+from linework.lines.crosscuts import Axis
+from linework.lines.lane_evidence import LANE_LIMITS_M, STRAY_PAINT_M
 from linework.model.lines import LineSet
 
-#: Lines that turn more than this from the axis do not run along the road (stop lines, crossing roads). [cosine of 25 deg]
-_ALONG_COSINE = 0.9
-#: A kerb's top edge belongs to the foot this near: a splayed face is 0.25 m wide. [m]
-_FACE_M = 0.5
 #: An axis along a line of paint is this near to it at most: it does not run between two lines. [m]
 _SAME_LINE_M = 0.1
 #: A rail belongs to the road whose edge is this near. [m]
 _RAIL_REACH_M = 6.0
-#: Edge lines that end go on where they are seen again this near: worn for longer, they are gone. [m]
-_SAME_PAINT_M = 100.0
 #: Distance of places along a wire: over a lane it is lowest at one of its ends, where it slopes by up to a tenth. [m]
 _WIRE_STEP_M = 0.05
 
@@ -59,52 +55,23 @@ class Sample(NamedTuple):
     between: str = ""
 
 
-class Crossing(NamedTuple):
-    """A line where it crosses the perpendicular of a station."""
-
-    kind: str
-    name: str
-    offset_m: float
-    up_m: float
-    sigma_xy_m: float
-    sigma_z_m: float
-    bridged: bool
-    role: str = ""
-    form: str = ""
-
-
-def crossings_at(lines: LineSet, cuts: CrossCuts, n_stations: int) -> list[list[Crossing]]:
-    """Return the lines along the road at each station, from right to left."""
-    found: list[list[Crossing]] = [[] for _ in range(n_stations)]
-    kinds, ids, roles, forms = (column.tolist() for column in (lines.kind, lines.id, lines.role, lines.form))
-    for row in np.flatnonzero(np.abs(cuts.cosine) >= _ALONG_COSINE).tolist():
-        i = int(cuts.line[row])
-        found[int(cuts.station[row])].append(
-            Crossing(
-                kinds[i], ids[i] or f"line {i + 1}", float(cuts.offset_m[row]), float(cuts.up_m[row]),
-                float(cuts.sigma_xy_m[row]), float(cuts.sigma_z_m[row]), bool(cuts.bridged[row]), roles[i], forms[i],
-            )
-        )  # fmt: skip
-    return found
-
-
 def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sample]:
     """Yield the samples of all stations: lanes and carriageway, kerbs, guardrails and barriers."""
-    paint_near, beside_near = _paint_near(crossings), _paired_near(crossings)
-    others = [a | b for a, b in zip(_behind_near(crossings), _led_astray(crossings), strict=True)]
+    other_paint_m, paired = paint_near(crossings), paired_near(crossings)
+    others = doubtful_bounds(crossings)
     for k, (s, here) in enumerate(zip(axis.station_m.tolist(), crossings, strict=True)):
         bounds = [c for c in here if c.kind in ("lane_marking", "road_boundary")]
         yield from _carriageway(s, bounds, others[k])
         for right, left in lanes_at(bounds):
-            is_unsure = may_lack_edge_line(right, left, bounds, paint_near[k]) or (
-                (right.name, 1) in beside_near[k]
-                or (left.name, -1) in beside_near[k]
+            is_unsure = may_lack_edge_line(right, left, bounds, other_paint_m[k]) or (
+                (right.name, 1) in paired[k]
+                or (left.name, -1) in paired[k]
                 or not others[k].isdisjoint((right.name, left.name))
             )
             yield from _lane(s, right, left, is_unsure)
         for top in (c for c in here if c.kind == "kerb_top"):
             feet = [
-                c for c in bounds if c.kind == "road_boundary" and abs(c.offset_m - top.offset_m) <= _FACE_M
+                c for c in bounds if c.kind == "road_boundary" and abs(c.offset_m - top.offset_m) <= FACE_M
             ]
             if feet:
                 foot = min(feet, key=lambda c: abs(c.offset_m - top.offset_m))
@@ -112,7 +79,7 @@ def station_samples(axis: Axis, crossings: list[list[Crossing]]) -> Iterator[Sam
                     s, top.offset_m, "kerb", "upstand", top.name, top.up_m - foot.up_m, top, foot, "z"
                 )
         for rail in (c for c in here if c.kind in ("guardrail", "barrier")):
-            yield from _rail(s, rail, bounds, paint_near[k])
+            yield from _rail(s, rail, bounds, other_paint_m[k])
 
 
 def _between(
@@ -153,8 +120,8 @@ def _carriageway(s: float, bounds: list[Crossing], others: set[str]) -> Iterator
     Unknown where paint may be one of them, or one of them is among the boundaries that may be `others`.
     """
     edges = [c for c in bounds if c.kind == "road_boundary"]
-    left = [c for c in edges if c.offset_m > _FACE_M]
-    right = [c for c in edges if c.offset_m < -_FACE_M]
+    left = [c for c in edges if c.offset_m > FACE_M]
+    right = [c for c in edges if c.offset_m < -FACE_M]
     if left and right:
         a, b = right[-1], left[0]
         width = _between(s, 0.0, "road", "carriageway_width", "", b.offset_m - a.offset_m, a, b, "xy")
@@ -179,88 +146,6 @@ def _may_end_at(paint_m: list[float], right_m: float, left_m: float) -> bool:
         and not first < -_SAME_LINE_M < _SAME_LINE_M < second
         for first, second in (*pairwise(paint_m[:2]), *pairwise(paint_m[-2:]))
     )
-
-
-def _blocks_near(n: int) -> Iterator[tuple[slice, list[slice]]]:
-    """Yield stations in blocks of `_SAME_PAINT_M`, and the blocks within that of any of these."""
-    reach = round(_SAME_PAINT_M / STATION_M)
-    blocks = [slice(a, min(a + reach, n)) for a in range(0, n, reach)]
-    for i, block in enumerate(blocks):
-        yield block, blocks[max(i - 1, 0) : i + 2]
-
-
-def _paint_near(crossings: list[list[Crossing]]) -> list[FloatArray]:
-    """Return the offsets [m] of all paint within `_SAME_PAINT_M` of each station, ascending."""
-    found: list[FloatArray] = []
-    for block, near in _blocks_near(len(crossings)):
-        offsets = {
-            round(c.offset_m, 1)
-            for one in near
-            for here in crossings[one]
-            for c in here
-            if c.kind == "lane_marking"
-        }
-        found += [np.array(sorted(offsets))] * len(crossings[block])
-    return found
-
-
-def _paired_near(crossings: list[list[Crossing]]) -> list[set[tuple[str, int]]]:
-    """Return the lines of paint that have another one beside them within `_SAME_PAINT_M` of each station, with its side.
-
-    The side is 1 on the left and -1 on the right. Both are one double line, or two generations of paint.
-    """
-    found: list[set[tuple[str, int]]] = []
-    for block, near in _blocks_near(len(crossings)):
-        paired: set[tuple[str, int]] = set()
-        for here in (here for one in near for here in crossings[one]):
-            paint = [c for c in here if c.kind == "lane_marking"]
-            for right, left in pairwise(paint):
-                if TWO_STRIPES_M[0] <= left.offset_m - right.offset_m <= TWO_STRIPES_M[1]:
-                    paired |= {(right.name, 1), (left.name, -1)}
-        found += [paired] * len(crossings[block])
-    return found
-
-
-def _behind_near(crossings: list[list[Crossing]]) -> list[set[str]]:
-    """Return the boundaries that lie behind another one of their side within `_SAME_PAINT_M` of each station.
-
-    Where the nearer one is not seen, such a boundary is not known to be the end of the carriageway.
-    """
-    found: list[set[str]] = []
-    for block, near in _blocks_near(len(crossings)):
-        behind: set[str] = set()
-        for here in (here for one in near for here in crossings[one]):
-            edges = [c for c in here if c.kind == "road_boundary"]
-            for side in (1.0, -1.0):
-                away = [(side * c.offset_m, c.name) for c in edges if side * c.offset_m > _FACE_M]
-                nearest = min(away, default=(0.0, ""))[0]
-                behind |= {name for offset, name in away if offset > nearest + _FACE_M}
-        found += [behind] * len(crossings[block])
-    return found
-
-
-def _led_astray(crossings: list[list[Crossing]]) -> list[set[str]]:
-    """Return the boundaries at each station that may be another edge, to which a line was carried across a gap.
-
-    Where it goes over by more than the face of a kerb, and was measured for less than it was carried, before or behind the
-    gap, nothing but the guess says that this is the same edge.
-    """
-    runs: dict[str, list[list[tuple[int, Crossing]]]] = {}
-    for k, here in enumerate(crossings):
-        for c in here:
-            if c.kind == "road_boundary":
-                own = runs.setdefault(c.name, [[]])
-                if own[-1] and own[-1][-1][1].bridged != c.bridged:
-                    own.append([])
-                own[-1].append((k, c))
-    found: list[set[str]] = [set() for _ in crossings]
-    for name, own in runs.items():
-        for before, gap, behind in zip(own, own[1:], own[2:], strict=False):
-            if not gap[0][1].bridged or abs(behind[0][1].offset_m - before[-1][1].offset_m) <= _FACE_M:
-                continue
-            for k in (k for run in (before, behind) if len(run) < len(gap) for k, _ in run):
-                found[k].add(name)
-    return found
 
 
 def may_lack_edge_line(
@@ -318,7 +203,7 @@ def _rail(s: float, rail: Crossing, bounds: list[Crossing], paint_near_m: FloatA
     inside = [
         c
         for c in bounds
-        if abs(c.offset_m) < abs(rail.offset_m) + _FACE_M and abs(c.offset_m - rail.offset_m) <= _RAIL_REACH_M
+        if abs(c.offset_m) < abs(rail.offset_m) + FACE_M and abs(c.offset_m - rail.offset_m) <= _RAIL_REACH_M
     ]
     if not inside:
         yield Sample(s, rail.offset_m, rail.kind, "top_height", rail.name, None, math.nan)
