@@ -15,6 +15,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 import linework
@@ -40,6 +41,8 @@ ROADS = ("straight", "bends", "urban", "motorway", "rural", "village")
 EVERY_M = 10.0
 #: The road beside paint is that about this far from its edge. [m]
 BESIDE_M = 0.11
+#: Places along a wire, to tell which one it is. [m]
+PLACES_M = 0.25
 #: Samples of the same place are this near to each other. [m]
 SAME_M = 0.6
 
@@ -83,9 +86,10 @@ def measure(survey, errors):
     truth = survey.truth.with_columns(bridged=~survey.truth.observed)
     axes = own_routes(truth)
     for axis in axes:
-        exact, found = by_quantity(truth, axis), by_quantity(lines, axis)
+        exact = by_quantity(truth, axis, own_wires(truth, truth), is_lowest_only=True)
+        found = by_quantity(lines, axis, own_wires(lines, truth))
         for key, places in exact.items():
-            add_errors(places, found.get(key, []), errors[key])
+            add_errors(places, found.get(key, []), errors[key[:2]])
     pieces = paint_pieces(lines, in_bounds(survey.points))
     for axis in axes:
         samples = iter(paint_samples(lines, axis, pieces))
@@ -169,23 +173,44 @@ def in_bounds(points):
     return inside
 
 
-def by_quantity(lines, axis):
-    """Return all samples by topic and quantity."""
+def own_wires(lines, truth):
+    """Return the exact wire that each wire is, by its name: the one that is nearest to most of its places.
+
+    Wires hang 0.3 m and more above each other: where the lowest one is hidden, that above it is no measure of it.
+    """
+    exact = list(wire_places(truth))
+    if not exact:
+        return {name: "" for name, _ in wire_places(lines)}
+    tree = cKDTree(np.concatenate([places for _, places in exact]))
+    owner = np.repeat(np.arange(len(exact)), [len(places) for _, places in exact])
+    return {
+        name: exact[np.bincount(owner[tree.query(places)[1]]).argmax()][0]
+        for name, places in wire_places(lines)
+    }
+
+
+def wire_places(lines):
+    """Yield the name of each wire as samples have it, and places along it."""
+    for i in np.flatnonzero(lines.kind == "cable").tolist():
+        shape = shapely.segmentize(shapely.linestrings(lines[i].xyz), PLACES_M)
+        yield str(lines.id[i]) or f"line {i + 1}", shapely.get_coordinates(shape, include_z=True)
+
+
+def by_quantity(lines, axis, wires, *, is_lowest_only=False):
+    """Return all samples by topic, quantity and wire: the least clearance of each wire at a place, or of the lowest one only."""
     crossings = crossings_at(lines, cross_cuts(lines, axis), len(axis.station_m))
     found = defaultdict(list)
-    for samples in (
-        with_bends(station_samples(axis, crossings)),
-        clearance_samples(lines, axis, crossings),
-        dash_samples(lines, axis),
-    ):
+    for samples in (with_bends(station_samples(axis, crossings)), dash_samples(lines, axis)):
         for sample in samples:
-            found[sample.topic, sample.quantity].append(sample)
+            found[sample.topic, sample.quantity, ""].append(sample)
     lowest = {}
-    for one in found.pop(("clearance", "clearance"), []):
-        key = one.station_m, round(one.offset_m, 1)
-        if one.value is not None and (key not in lowest or one.value < lowest[key].value):
-            lowest[key] = one
-    found["clearance", "clearance"] = list(lowest.values())
+    for one in clearance_samples(lines, axis, crossings):
+        wire = wires[one.line.split(" over ")[0]]
+        key = one.station_m, round(one.offset_m, 1), "" if is_lowest_only else wire
+        if one.value is not None and (key not in lowest or one.value < lowest[key][1].value):
+            lowest[key] = wire, one
+    for wire, one in lowest.values():
+        found["clearance", "clearance", wire].append(one)
     return found
 
 
