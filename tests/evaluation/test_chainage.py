@@ -195,10 +195,17 @@ def test_a_lane_has_no_width_where_it_may_end_at_another_line():
     assert known["right | stripe", 0.0] == pytest.approx(3.16) and known["right | middle", 50.0] is None
     assert known["middle | edge", 50.0] == pytest.approx(3.5)
     # Across the road, from the line along one of its edges to the other edge
-    for y, form, width in ((3.5, "edge", None), (3.5, "kerb", 5.5), (1.7, "edge", 3.7)):
+    for y, far, near, width in (
+        (3.5, "edge", "edge", None),
+        (3.5, "kerb", "edge", 5.5),
+        # A parking strip beside a kerb is wider than 1.2 m
+        (3.5, "edge", "kerb", None),
+        (1.7, "edge", "kerb", 3.7),
+        (1.7, "edge", "edge", 3.7),
+    ):
         line = ("edge", "lane_marking", y, 0.0, "solid", (0, 100))
         lines, axis = straight([line, ("right", *ROAD[2][1:2], -2.0, *ROAD[2][3:]), ROAD[3]])
-        lines = lines.with_columns(form=np.array(["", form, form]))
+        lines = lines.with_columns(form=np.array(["", far, near]))
         found = rows_of(chainage_report(lines, [axis]), "lane_width", line="right | edge")
         assert {r.value if r.value is None else round(r.value, 6) for r in found} == {width}
 

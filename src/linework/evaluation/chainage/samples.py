@@ -154,7 +154,7 @@ def may_lack_edge_line(
     """Return whether a lane from paint to the end of the carriageway may lack an edge line that was not found.
 
     One lies between both before or behind, or on the other side of the road. At a kerb there need not be one because the other
-    side has one: parking strips begin at a line.
+    side has one: parking strips begin at a line. Along the other edge of the pavement, kerb or not, it is none of a strip.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def may_lack_edge_line(
     return end.form != "kerb" and any(
         LANE_LIMITS_M[0] <= away <= LANE_LIMITS_M[1]
         if c.kind == "lane_marking"
-        else 0.0 < away < STRAY_PAINT_M[1] and c.form != "kerb"
+        else 0.0 < away < STRAY_PAINT_M[1]
         for c, away in beside
     )
 
