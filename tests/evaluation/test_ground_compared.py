@@ -84,6 +84,44 @@ def test_a_kerb_that_is_called_an_edge_is_one_where_the_ground_has_changed():
     assert [one[:2] for one in told(old, new, (before, same))] == [("unsure", "at 3")]
 
 
+@pytest.mark.parametrize(("height_m", "other_m"), [(0.2, 0.12), (0.1, -0.1), (0.1, 0.0)])
+def test_a_height_that_only_lines_state_has_changed_where_the_step_has(height_m, other_m):
+    kerbs = as_edges(road(-3.0, 3.0), "kerb")
+    old = kerbs.with_columns(height_m=[height_m, height_m])
+    new = kerbs.with_columns(height_m=[height_m, other_m])
+
+    def street(up_m, seed):
+        # The footway is as bright as before
+        points = beside(seen(seed=seed), height_m, 2.0, 3.0, right=True)
+        return look(beside(points, up_m, 2.0, 3.0))
+
+    before, same, other = street(height_m, 1), street(height_m, 2), street(other_m, 2)
+    (change,) = compare_epochs(old, new, looks=(before, other))[0]
+    assert change.status == "changed" and change.probability > 0.999
+    assert [one[0] for one in told(old, new, (before, same))] == ["unsure"]
+    # Of what is flat there is no multiple: lines alone tell
+    (back,) = compare_epochs(new, old, looks=(other, before))[0]
+    assert back.status == "changed" and (
+        other_m != 0.0 or back.probability == pytest.approx(0.9966, abs=1e-3)
+    )
+
+
+def test_noise_of_few_points_is_no_outlier():
+    """A kerb of which 25 points a square metre show as much as before is still there."""
+    kerbs = as_edges(road(-3.0, 3.0), "kerb")
+
+    def street(height_m, seed):
+        points = beside(seen(seed=seed, per_m2=25.0), 0.1, 1.0, 3.0, right=True)
+        return look(beside(points, height_m, 1.0, 3.0))
+
+    def chance(height_m):
+        changes = compare_epochs(kerbs, kerbs.take([0]), looks=(street(0.1, 1), street(height_m, 2)))[0]
+        return changes[0].probability
+
+    assert chance(0.1) < 0.2
+    assert chance(0.0) > 0.9
+
+
 def test_the_edge_of_the_pavement_does_not_pass_for_paint_beside_it():
     def shown(seed, *offsets):
         return at_line(beside(seen(*offsets, seed=seed), -0.04, 2.5, 0.36), WIDTH_M / 2)

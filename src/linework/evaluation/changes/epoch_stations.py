@@ -5,6 +5,7 @@ Separate from `epochs`, which judges what differs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -22,6 +23,8 @@ _IN_PLACE_M = 0.5
 _ALONG_COSINE = 0.9
 #: A measured line of any kind this near says that the place was visible. [m]
 _VISIBLE_M = 10.0
+#: A height has changed beyond this many deviations: by chance one line in 370.
+_HEIGHT_DEVIATIONS = 3.0
 #: Least deviation of a position, where lines state none: the repeatability of good mobile mapping. [m]
 _LEAST_SIGMA_M = 0.01
 
@@ -74,6 +77,14 @@ class EpochStations:
             if others.partner[near] >= 0:
                 instead[k] = -1
         return replace(self, instead=instead)
+
+
+def height_differs(lines: LineSet, others: LineSet, stations: EpochStations, rows: IntArray) -> BoolArray:
+    """Return at which stations (k,), by number, of lines that both surveys have their heights differ by more than chance."""
+    before_m, after_m = lines.height_m[stations.line[rows]], others.height_m[stations.partner[rows]]
+    # A height is that of an upper edge above a lower one: each has the deviation of a height
+    sigma_m = math.sqrt(2.0) * stations.sigma_m[rows, 1]
+    return np.asarray(np.abs(after_m - before_m) > _HEIGHT_DEVIATIONS * sigma_m)
 
 
 def epoch_stations(lines: LineSet, others: LineSet, not_compared: Sequence[str]) -> EpochStations:

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import chi2
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.evaluation.changes.ground_seen import (
@@ -41,6 +43,10 @@ _MOVE_SIGMA = 0.25
 _FEWEST = 12
 #: Fewest places of what stands that were seen, a metre apart: a lorry with its trailer is 18.75 m long, and drives away.
 _FEWEST_PLACES = 20
+#: How lines of both surveys differ has long tails: a car beside the line, leaves, a kerb that is worn. It is weighed by
+#: Student's t of two degrees of freedom, as a mixture of normal distributions with these variances (the reciprocals of
+#: chi-squared over its degrees): what is ten times as far as most is one in a hundred.
+_VARIANCES = 2.0 / chi2.ppf((np.arange(1000) + 0.5) / 1000, 2.0)
 #: Least deviation of the ratio of lines that both found: paint and verges change within a year. [share]
 _LEAST_SIGMA = 0.05
 
@@ -59,16 +65,20 @@ class ShapeRatio:
     sigma: float
 
 
-def shape_ratio(own: GroundAtPlaces, other: GroundAtPlaces) -> ShapeRatio | None:
+def shape_ratio(
+    own: GroundAtPlaces, other: GroundAtPlaces, channels: tuple[int, ...] | None = None
+) -> ShapeRatio | None:
     """Return the shape of a line in the other survey as a multiple of the own one; None where that does not stand out.
 
     Parameters
     ----------
     own, other
         What both surveys show at the same places, of one stretch of line.
+    channels
+        Height (0) or brightness (1); None: whatever shows the line.
     """
     product = square = 0.0
-    for channel in _channels(own):
+    for channel in channels or _channels(own):
         here, there = (_size_of_shape(ground, channel) for ground in (own, other))
         if here is not None and there is not None:
             (size, variance), (other_size, other_variance) = here, there
@@ -122,6 +132,15 @@ def standing_ratio(own: GroundAtPlaces, other: GroundAtPlaces) -> ShapeRatio | N
     share = float((other.upper[seen] > 0).mean())
     # Of a share of 0 or 1 of few places it is not known that it is that of all
     return ShapeRatio(share, math.sqrt((share * (1.0 - share) + 1.0 / n) / n))
+
+
+def _log_likelihood(away: float, noise: float, spread: float) -> float:
+    """Return how likely a ratio is so far from what is expected, by noise (Gauss) and by how lines differ (Student's t).
+
+    As a logarithm, but for what is the same for all of one noise and spread.
+    """
+    variance = noise**2 + spread**2 * _VARIANCES
+    return float(logsumexp(-0.5 * (away**2 / variance + np.log(variance))))
 
 
 def _channels(ground: GroundAtPlaces) -> tuple[int, ...]:
@@ -206,14 +225,19 @@ class GroundCompared:
     ground: GroundAlongLines
     of_same: dict[str, tuple[float, float]]
 
-    def log_odds(self, kind: str, stations: IntArray, *, moved: bool = False) -> float:
+    def log_odds(
+        self, kind: str, stations: IntArray, *, moved: bool = False, height_ratio: float | None = None
+    ) -> float:
         """Return by how much a stretch of a line is likelier where it has changed, as a logarithm; 0 where nothing is known.
 
         What has moved left its place, and lies beside it; where it did not, one of the surveys has measured another line.
+
+        height_ratio: how many times as high a step is said to be in the other survey; None where it is said to be gone.
         """
         row = self.ground.row[stations]
         row = row[(row >= 0) & ((np.append(self.ground.away_m, 0.0)[row] != 0.0) == moved)]
-        if not len(row) or (moved and kind in STANDING):
+        is_flat = height_ratio is not None and not math.isfinite(height_ratio)
+        if not len(row) or (moved and kind in STANDING) or is_flat:
             return 0.0
         own, other = self.ground.own.at(row), self.ground.other.at(row)
         if moved:
@@ -221,14 +245,16 @@ class GroundCompared:
             found = None if left is None else ShapeRatio(1.0 - left.ratio, left.sigma)
             same, sigma = 1.0, _MOVE_SIGMA
         else:
-            found = standing_ratio(own, other) if kind in STANDING else shape_ratio(own, other)
+            channels = None if height_ratio is None else (0,)
+            found = standing_ratio(own, other) if kind in STANDING else shape_ratio(own, other, channels)
             same, sigma = self.of_same.get(kind, (1.0, _RATIO_SIGMA))
         if found is None:
             return 0.0
-        sigma = math.hypot(sigma, found.sigma)
-        # Cauchy's distribution: what is far from both, as beside a car or leaves, says little
-        is_gone, is_same = (1.0 + ((found.ratio - expected) / sigma) ** 2 for expected in (0.0, same))
-        return math.log(is_same / is_gone)
+        changed = height_ratio or 0.0
+        is_changed, is_same = (
+            _log_likelihood(found.ratio - expected, found.sigma, sigma) for expected in (changed, same)
+        )
+        return is_changed - is_same
 
 
 def ground_compared(ground: GroundAlongLines, kinds: AnyArray, lines: IntArray) -> GroundCompared:

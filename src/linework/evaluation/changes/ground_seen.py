@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.evaluation.changes.epoch_stations import EpochStations
+from linework.evaluation.changes.epoch_stations import EpochStations, height_differs
 from linework.evaluation.changes.misses import LEAST_STRETCH_M
 from linework.lines.along import runs_of
 from linework.model.grid import Bounds
@@ -251,6 +251,8 @@ def ground_along(
     at = np.where((is_found & ~is_moved)[:, None], found_at, xyz)
     form, other_form = lines.form[stations.line], np.append(others.form, "")[stations.partner]
     is_other = is_moved | (is_found & (form != other_form) & (form != "") & (other_form != ""))
+    both = np.flatnonzero(is_found)
+    is_other[both] |= height_differs(lines, others, stations, both)
     looked = [np.zeros(0, dtype=np.int64)]
     for one in (*ON_GROUND, *STANDING):
         alone, differs, found = (

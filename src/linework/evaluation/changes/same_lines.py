@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.changes.epoch_change import EpochChange, existence_of, levels_of, stretches_of
-from linework.evaluation.changes.epoch_stations import EpochStations
+from linework.evaluation.changes.epoch_stations import EpochStations, height_differs
 from linework.evaluation.changes.ground_compared import GroundCompared
 from linework.evaluation.changes.joined_moves import moved_together
 from linework.evaluation.changes.misses import LIKELY_CHANGE, Alone, change_probabilities
@@ -38,8 +38,6 @@ _LEAST_ABREAST = 1.5
 #: Length of the running median that is what one line differs by for long: several times as long as errors of lines are
 #: related, some tens of metres. [pieces]
 _FOR_LONG = 41
-#: A height has changed beyond this many deviations: by chance one line in 370.
-_HEIGHT_DEVIATIONS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,11 +163,12 @@ def changes_of_same(
         alone = []
         for own in (np.flatnonzero(group == g) for g in range(int(group.max()) + 1)):
             i = cases[max(own.tolist(), key=lambda c: lengths_m[c])][0]
-            # Two surveys may call one edge kerb and edge: where the ground looks the same, it is
+            # Two surveys may call one edge kerb and edge, or say that it is up and down: where the ground looks the same, it is
             says = 0.0
-            if shown is not None and sort in ("form", ""):
+            if shown is not None and sort in ("form", "height", ""):
                 longest = differs[max(own.tolist(), key=lambda c: lengths_m[c])]
-                says = shown.log_odds(str(old.kind[i]), longest, moved=not sort)
+                higher = _height_ratio(old, new, stations, longest) if sort == "height" else None
+                says = shown.log_odds(str(old.kind[i]), longest, moved=not sort, height_ratio=higher)
             alone.append(Alone(levels[i], sum(lengths_m[c] for c in own.tolist()), confidence[i], says))
         chances = change_probabilities(alone, [(levels[i], float(left_m[i])) for i in range(n)])
         for (i, k), g in zip(cases, group.tolist(), strict=True):
@@ -178,6 +177,13 @@ def changes_of_same(
                 change = replace(change, status="unsure", what=change.what or change.status)
             found[i][k] = replace(change, probability=chance)
     return found
+
+
+def _height_ratio(old: LineSet, new: LineSet, stations: EpochStations, rows: IntArray) -> float:
+    """Return how many times as high the new lines are as the old one, at stations by number; NaN where that is flat."""
+    rows = rows[stations.partner[rows] >= 0]
+    before_m = float(old.height_m[stations.line[rows[0]]])
+    return float(np.median(new.height_m[stations.partner[rows]])) / before_m if before_m else math.nan
 
 
 def _sort_of(change: EpochChange) -> str:
@@ -221,8 +227,7 @@ def _changed(
             mask[both[other & (after == value)]] = True
             found += stretches_of(old, stations, i, mask, "changed", what=f"{name} {before} to {value}")
     before_m, after_m = float(old.height_m[i]), new.height_m[stations.partner[both]]
-    # A height is that of an upper edge above a lower one: each has the deviation of a height
-    beyond = np.abs(after_m - before_m) > _HEIGHT_DEVIATIONS * math.sqrt(2.0) * stations.sigma_m[both, 1]
+    beyond = height_differs(old, new, stations, both)
     for value_m in sorted(set(after_m[beyond].tolist())):
         rows = both[beyond & (after_m == value_m)]
         mask = np.zeros(len(stations.line), dtype=bool)
