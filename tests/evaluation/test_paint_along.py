@@ -409,7 +409,7 @@ def test_compare_takes_the_points_of_both_surveys(linework, tmp_path):
     )
     sparse = linework(*call, "--overwrite", *both[:2], "--new-survey", tmp_path / "sparse")
     assert sparse.code == 0, sparse.stderr
-    assert "shows no paint of any marking" in sparse.stderr
+    assert "too few points on the markings" in sparse.stderr
     alone = linework(*call, "--overwrite", *both[:2])
     assert (alone.code, alone.line) == (
         2, "error: the points of both surveys are compared. Give --new-survey too."
