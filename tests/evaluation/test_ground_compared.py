@@ -106,6 +106,34 @@ def test_a_height_that_only_lines_state_has_changed_where_the_step_has(height_m,
     )
 
 
+def test_half_a_kerb_is_neither_there_nor_gone():
+    """What is far from both, for cars, leaves and wear, says little: tails are long."""
+    kerbs = as_edges(road(-3.0, 3.0), "kerb")
+
+    def street(height_m, seed):
+        points = beside(seen(seed=seed), 0.1, 1.0, 3.0, right=True)
+        return look(beside(points, height_m, 1.0, 3.0))
+
+    alone = compare_epochs(kerbs, kerbs.take([0]))[0][0].probability
+    for height_m in (0.04, 0.06):
+        (change,) = compare_epochs(kerbs, kerbs.take([0]), looks=(street(0.1, 1), street(height_m, 2)))[0]
+        assert change.probability == pytest.approx(alone, abs=0.1)
+
+
+@pytest.mark.parametrize(("before_m", "after_m"), [(0.6, 1.3), (0.75, 0.6)])
+def test_points_do_not_tell_how_high_a_rail_stands(before_m, after_m):
+    lines = road(0.0, -3.0)
+    (old, its_points), (new, other_points) = (rail(40.0, 160.0, top_m) for top_m in (before_m, after_m))
+    old, new = (one.with_columns(height_m=[top]) for one, top in ((old, before_m), (new, after_m)))
+    looks = (
+        look(with_more(seen(0.0, -3.0), its_points)),
+        look(with_more(seen(0.0, -3.0, seed=2), other_points)),
+    )
+    both = LineSet.concatenate([lines, old]), LineSet.concatenate([lines, new])
+    assert told(*both, looks) == told(*both)
+    assert "changed" in {one[0] for one in told(*both)}
+
+
 def test_noise_of_few_points_is_no_outlier():
     """A kerb of which 25 points a square metre show as much as before is still there."""
     kerbs = as_edges(road(-3.0, 3.0), "kerb")

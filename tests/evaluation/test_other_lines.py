@@ -88,3 +88,30 @@ def test_the_edge_line_of_another_carriageway_lies_behind_its_median():
     lines, axis = straight(table)
     rows = rows_of(chainage_report(lines, [axis], every_m=50.0), "lane_width", line="inner | outer")
     assert {round(r.value, 6) for r in rows} == {3.5}
+
+
+@pytest.mark.parametrize(
+    ("line_m", "kerb_m", "role"), [(0.55, 0.30, ""), (0.70, 0.45, ""), (0.55, 0.3, "centre")]
+)
+def test_lines_around_an_island_are_no_stones(line_m, kerb_m, role):
+    table = [
+        ("out", "road_boundary", -3.8, 0.0, "", (0, 100)),
+        ("end", "road_boundary", 3.8, 0.0, "", (0, 100)),
+    ]
+    roles = {}
+    for side in (-1.0, 1.0):
+        table += [(f"line {side}", "lane_marking", side * line_m, 0.0, "solid", (0, 100)),
+                  (f"island {side}", "road_boundary", side * kerb_m, 0.0, "", (40, 60))]  # fmt: skip
+        roles[f"line {side}"] = role
+    assert widths_of(table, "carriageway_width", roles=roles)[1] == pytest.approx(7.6)
+
+
+def test_a_stripe_on_the_very_edge_is_one_though_lines_state_no_deviations():
+    table = [*STREET[:2], ("edge", "road_boundary", 3.4, 0.0, "", (0, 100)),
+             ("stripe", "lane_marking", 3.4 + 1e-6, 0.0, "solid", (0, 100))]  # fmt: skip
+    for sigma_m in (0.0, np.nan):
+        n = len(straight(table)[0].xyz)
+        assert widths_of(table, "carriageway_width", sigma_xy_m=np.full(n, sigma_m)) == [6.8, 6.8]
+    stones = [*STREET, WALL, ("stripe", "lane_marking", 3.5, 0.0, "solid", (0, 100))]
+    n = len(straight(stones)[0].xyz)
+    assert widths_of(stones, "carriageway_width", sigma_xy_m=np.full(n, np.nan)) == [6.8, None]

@@ -1,5 +1,7 @@
 """Lines that were not measured at a place are known where measured ones beside them keep their distance."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from tests.lines.test_lanes import CENTRE, EDGE, FAR, X, pairs, road
@@ -39,7 +41,7 @@ def test_a_lane_goes_on_where_another_line_says_where_its_worn_lines_are():
     [
         (),
         # It turns away while they cannot be seen
-        (("pavement", "road_boundary", lambda x: 3.9 + np.interp(x, [38, 42, 63, 67], [0, 0.4, 0.4, 0]), "", ""),),
+        (("pavement", "road_boundary", lambda x: 3.9 + np.interp(x, [38, 42, 63, 67], [0, 0.15, 0.15, 0]), "", ""),),
         # It was never beside them in sight
         (("pavement", "road_boundary", lambda x: np.where((x > 36) & (x < 70), 3.9, np.nan), "", ""),),
         # It is that of another road
@@ -65,15 +67,36 @@ def test_what_is_worn_away_itself_says_nothing():
 def test_a_distance_counts_within_reach_of_the_station():
     """Two lines that were measured beside each other 60 m farther back say nothing; 20 m are needed within 50 m."""
 
-    def known(measured):
-        rows = [[Bound(1, 0.0, 0.0, float(k), 0.01, k not in measured), Bound(2, 0.5, 0.0, float(k), 0.01, False)]
+    def rows_of(measured):
+        return [[Bound(1, 0.0, 0.0, float(k), 0.01, k not in measured), Bound(2, 0.5, 0.0, float(k), 0.01, False)]
                 for k in range(120)]  # fmt: skip
-        return {k for k, lines in enumerate(known_by_distance(rows)) if lines == {1}}
+
+    def known(measured):
+        return {k for k, lines in enumerate(known_by_distance(rows_of(measured))) if lines == {1}}
 
     assert known(range(20)) == set(range(20, 51))
     assert known(range(19)) == set()
     assert known([*range(10), *range(100, 110)]) == set()
+    # What crosses a perpendicular twice has no distance there
+    twice = [Bound(1, 0.3, 0.0, 200.0, 0.01, False)]
+    assert not any(known_by_distance([[*row, *twice] for row in rows_of(range(60))]))
     assert known_by_distance([]) == [] and known_by_distance([[]]) == [frozenset()]
+
+
+def most_memory_of(n_pieces):
+    """Return the most memory that is used for a centre line with worn edges in pieces of 40 m. [bytes]"""
+    rows = [[Bound(2 + k // 40, -3.5, 0.0, float(k % 40), 0.01, k % 5 == 0), Bound(1, 0.0, 0.0, float(k), 0.01, False)]
+            for k in range(40 * n_pieces)]  # fmt: skip
+    tracemalloc.start()
+    try:
+        assert any(known_by_distance(rows))
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_is_that_of_the_places_where_lines_lie_beside_each_other():
+    assert most_memory_of(64) < 6 * most_memory_of(16)
 
 
 def test_known_lines_do_not_depend_on_the_order_of_lines():

@@ -130,3 +130,44 @@ def test_lines_are_unsure_only_where_others_lie_beside_them():
     lanes = find_lanes(road(EDGE, CENTRE, FAR, *sets))
     assert len(lanes) == 2 and lanes.centre.xyz[:, 0].max() == pytest.approx(40.0, abs=8.0)
     assert lanes.sigma_width_m.max() < 0.02
+
+
+def test_a_stripe_that_was_found_twice_leaves_the_other_one():
+    """Two pieces of the left stripe, 2 cm apart, and the right one for half the way: no third line."""
+
+    def stripe(name, begin, end, y):
+        return (
+            name,
+            "lane_marking",
+            lambda x: np.where((x >= begin) & (x <= end), y, np.nan),
+            "centre",
+            "solid",
+        )
+
+    double = [stripe("left", 0, 100, 0.15), stripe("again", 0, 80, 0.17), stripe("right", 10, 60, -0.15)]
+    lanes = find_lanes(road(EDGE, *double, FAR))
+    assert ["far", "right"] in [sorted(pair) for pair in pairs(lanes)]
+    of_right = [pair == {"far", "right"} for pair in pairs_in_order(lanes)]
+    assert lanes.width_m[of_right] == pytest.approx([3.25], abs=0.01)
+
+
+def test_lines_are_settled_between_two_places_at_which_others_lie_beside_them():
+    """Other paint lies beside the edge line at both its ends, and leaves it between."""
+    away = (
+        "edge 2",
+        "lane_marking",
+        lambda x: 3.5 + np.interp(x, [34, 40, 60, 66], [0.3, 3.0, 3.0, 0.3]),
+        "edge",
+        "solid",
+    )
+    lanes = find_lanes(road(EDGE, CENTRE, FAR, away))
+    spans = [
+        (round(lane.xyz[:, 0].min()), round(lane.xyz[:, 0].max()))
+        for lane, pair in zip(lanes.centre, pairs_in_order(lanes), strict=True)
+        if pair == {"centre", "edge"}
+    ]
+    assert any(begin <= 45 and end >= 55 for begin, end in spans)
+
+
+def pairs_in_order(lanes):
+    return [set(pair) for pair in zip(lanes.right_id.tolist(), lanes.left_id.tolist(), strict=True)]

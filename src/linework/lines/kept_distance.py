@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,28 +38,42 @@ def known_by_distance(rows: Sequence[Sequence[Bound]]) -> list[frozenset[int]]:
     rows
         What crosses the perpendiculars of stations along a road, a metre apart, each from right to left.
     """
-    distance_m: dict[tuple[int, int], FloatArray] = {}
-    bridged: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
+    places: dict[tuple[int, int], list[_Place]] = defaultdict(list)
     for k, here in enumerate(rows):
-        for a, b in combinations(here, 2):
-            if a.line == b.line or (a.bridged and b.bridged) or b.offset_m - a.offset_m > _FARTHEST_M:
+        for a, b in combinations(sorted(here), 2):
+            apart_m = b.offset_m - a.offset_m
+            if (a.bridged and b.bridged) or abs(apart_m) > _FARTHEST_M:
                 continue
-            pair = a.line, b.line
-            if pair not in distance_m:
-                distance_m[pair] = np.full(len(rows), np.nan)
-            distance_m[pair][k] = b.offset_m - a.offset_m
-            if a.bridged or b.bridged:
-                bridged[pair].append((k, a.line if a.bridged else b.line))
+            places[a.line, b.line].append(
+                _Place(k, apart_m, a.line if a.bridged else b.line if b.bridged else -1)
+            )
     found: list[set[int]] = [set() for _ in rows]
-    for pair, places in bridged.items():
-        at: IntArray = np.array([k for k, _ in places], dtype=np.int64)
-        both = distance_m[pair].copy()
-        both[at] = np.nan
-        is_kept = _kept_m(both, at, distance_m[pair][at]) >= _SHORTEST_KEPT_M
-        for (k, line), kept in zip(places, is_kept.tolist(), strict=True):
-            if kept:
-                found[k].add(line)
+    for pair, beside in places.items():
+        station, distance_m, line = (np.array(column) for column in zip(*beside, strict=True))
+        is_bridged = line >= 0
+        # What crosses a perpendicular twice has no distance there
+        is_twice = pair[0] == pair[1] or len(np.unique(station)) < len(station)
+        n_measured = int(np.count_nonzero(~is_bridged))
+        if is_twice or not is_bridged.any() or n_measured * STATION_M < _SHORTEST_KEPT_M:
+            continue
+        both = np.full(station[-1] - station[0] + 1, np.nan)
+        both[station[~is_bridged] - station[0]] = distance_m[~is_bridged]
+        kept_m = _kept_m(both, station[is_bridged] - station[0], distance_m[is_bridged])
+        for k, own in zip(
+            station[is_bridged][kept_m >= _SHORTEST_KEPT_M].tolist(),
+            line[is_bridged][kept_m >= _SHORTEST_KEPT_M].tolist(),
+            strict=True,
+        ):
+            found[k].add(own)
     return [frozenset(lines) for lines in found]
+
+
+class _Place(NamedTuple):
+    """A station, the distance of a second line to the left of a first [m], and which was not measured, -1 for neither."""
+
+    station: int
+    distance_m: float
+    bridged: int
 
 
 def _kept_m(both_m: FloatArray, at: IntArray, distance_m: FloatArray) -> FloatArray:

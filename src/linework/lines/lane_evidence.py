@@ -82,9 +82,9 @@ class _Pairs:
     def __init__(self) -> None:
         #: Whether each of two lines is bridged, station by station.
         self.bridged: dict[tuple[int, int], list[tuple[bool, bool]]] = defaultdict(list)
-        #: Distance along each of two lines, station by station. [m]
-        self._along_m: dict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
-        self._sum_m: dict[tuple[int, int], float] = defaultdict(float)
+        #: Distance along each of two lines, and of both from each other, by number of the station. [m]
+        self._places: dict[tuple[int, int], list[tuple[int, float, float, float]]] = defaultdict(list)
+        self._station = 0
         self._here: list[tuple[float, float]] = []
         self._n_stations = {"one": 0, "two": 0, "shifted": 0}
 
@@ -93,8 +93,7 @@ class _Pairs:
         first, second = sorted((a, b))
         apart_m = abs(b.offset_m - a.offset_m)
         self.bridged[first.line, second.line].append((first.bridged, second.bridged))
-        self._sum_m[first.line, second.line] += apart_m
-        self._along_m[first.line, second.line].append((first.along_m, second.along_m))
+        self._places[first.line, second.line].append((self._station, first.along_m, second.along_m, apart_m))
         self._here.append((0.5 * (a.offset_m + b.offset_m), apart_m))
 
     def next_station(self) -> None:
@@ -106,17 +105,18 @@ class _Pairs:
             is_shifted = len(others) > 1 and max(sizes) - min(sizes) < _SAME_SHIFT_M
             self._n_stations["shifted" if is_shifted else "two" if others else "one"] += 1
         self._here = []
-
-    def apart_m(self, a: int, b: int) -> float:
-        """Return the mean distance of two lines [m]."""
-        return self._sum_m[a, b] / len(self.bridged[a, b])
+        self._station += 1
 
     def beside(self, a: int, b: int) -> list[tuple[int, Beside]]:
-        """Return for each of two lines where it lies beside the other, and how far from it."""
-        along_m = zip(*self._along_m.get((a, b), ()), strict=True)
+        """Return for each of two lines the stretches on which it lies beside the other, and how far from it."""
+        if (a, b) not in self._places:
+            return []
+        places = np.array(self._places[a, b])
+        stretches = np.split(places, np.flatnonzero(np.diff(places[:, 0]) > 1) + 1)
         return [
-            (line, Beside(min(own), max(own), self.apart_m(a, b)))
-            for line, own in zip((a, b), along_m, strict=False)
+            (line, Beside(float(own[:, side].min()), float(own[:, side].max()), float(own[:, 3].mean())))
+            for own in stretches
+            for line, side in ((a, 1), (b, 2))
         ]
 
     @property
@@ -256,7 +256,11 @@ class BoundEvidence:
         paint = [row for row in here if self._is_paint[row.line]]
         found: set[int] = set()
         for a, b, c in zip(paint, paint[1:], paint[2:], strict=False):
-            if c.offset_m - a.offset_m > _DOUBLE_M or len({a.line, b.line, c.line}) < 3:
+            # One stripe that was found twice is none beside another
+            nearest_m = min(b.offset_m - a.offset_m, c.offset_m - b.offset_m)
+            if nearest_m < TWO_STRIPES_M[0] or c.offset_m - a.offset_m > _DOUBLE_M:
+                continue
+            if len({a.line, b.line, c.line}) < 3:
                 continue
             found.add(min((a.line, b.line, c.line), key=lambda i: self._size[i]))
         return found

@@ -20,6 +20,8 @@ from linework.lines.lane_evidence import TWO_STRIPES_M
 _SAME_PAINT_M = 100.0
 #: Places that differ by more than this are two, 95 times of 100. [standard deviations]
 _SURELY = 2.0
+#: Least deviation of a distance, and that of lines that state none: the repeatability of good mobile mapping. [m]
+_LEAST_SIGMA_M = 0.01
 
 
 def doubtful_bounds(crossings: list[list[Crossing]]) -> list[set[str]]:
@@ -115,8 +117,9 @@ def _stones(about: list[list[Crossing]]) -> set[str]:
     beyond: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for stripe, edge in (pair for here in about for pair in _stripes_at_edges(here)):
         side = math.copysign(1.0, edge.offset_m)
+        sigma_m = max(float(np.nan_to_num(np.hypot(stripe.sigma_xy_m, edge.sigma_xy_m))), _LEAST_SIGMA_M)
         beyond.setdefault((stripe.name, edge.name), []).append(
-            (side * (stripe.offset_m - edge.offset_m), math.hypot(stripe.sigma_xy_m, edge.sigma_xy_m))
+            (side * (stripe.offset_m - edge.offset_m), sigma_m)
         )
     means = {names: np.mean(pairs, axis=0).tolist() for names, pairs in beyond.items()}
     return {stripe for (stripe, _), (away, sigma) in means.items() if away > _SURELY * sigma}
@@ -125,15 +128,17 @@ def _stones(about: list[list[Crossing]]) -> set[str]:
 def _stripes_at_edges(here: list[Crossing]) -> Iterator[tuple[Crossing, Crossing]]:
     """Yield the outermost line of paint on either side with the first edge of the pavement there, where these are within the face of a kerb and both were measured.
 
-    Beyond a median is paint, too: of two lines, the inner one is not at the end of the road.
+    Beyond a median is paint, too: of two lines, the inner one is not at the end of the road. Lines and kerbs of islands in
+    the middle of a road are at neither.
     """
     for side in (1.0, -1.0):
-        out = sorted((side * c.offset_m, c) for c in here if side * c.offset_m > 0.0)
+        out = sorted((side * c.offset_m, c) for c in here if side * c.offset_m > FACE_M)
         paint = [c for _, c in out if c.kind == "lane_marking"]
+        paint = [c for c in paint[-1:] if c.role not in ("centre", "lane")]
         edges = [c for _, c in out if c.kind == "road_boundary" or c.role == "gutter"]
         yield from (
             (stripe, edge)
-            for stripe, edge in zip(paint[-1:], edges[:1], strict=False)
+            for stripe, edge in zip(paint, edges[:1], strict=False)
             if not (stripe.bridged or edge.bridged) and abs(stripe.offset_m - edge.offset_m) <= FACE_M
         )
 

@@ -232,12 +232,15 @@ class GroundCompared:
 
         What has moved left its place, and lies beside it; where it did not, one of the surveys has measured another line.
 
-        height_ratio: how many times as high a step is said to be in the other survey; None where it is said to be gone.
+        height_ratio: how many times as high the step is in the other survey where its height has changed; None where that is
+        not what is asked.
         """
         row = self.ground.row[stations]
         row = row[(row >= 0) & ((np.append(self.ground.away_m, 0.0)[row] != 0.0) == moved)]
+        # Of what stands points tell where it is, not how high; of what is flat nothing is a multiple
         is_flat = height_ratio is not None and not math.isfinite(height_ratio)
-        if not len(row) or (moved and kind in STANDING) or is_flat:
+        is_of_place = not moved and height_ratio is None
+        if not len(row) or (kind in STANDING and not is_of_place) or is_flat:
             return 0.0
         own, other = self.ground.own.at(row), self.ground.other.at(row)
         if moved:
@@ -250,7 +253,7 @@ class GroundCompared:
             same, sigma = self.of_same.get(kind, (1.0, _RATIO_SIGMA))
         if found is None:
             return 0.0
-        changed = height_ratio or 0.0
+        changed = same * (height_ratio or 0.0)
         is_changed, is_same = (
             _log_likelihood(found.ratio - expected, found.sigma, sigma) for expected in (changed, same)
         )

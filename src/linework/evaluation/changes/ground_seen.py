@@ -251,7 +251,7 @@ def ground_along(
     at = np.where((is_found & ~is_moved)[:, None], found_at, xyz)
     form, other_form = lines.form[stations.line], np.append(others.form, "")[stations.partner]
     is_other = is_moved | (is_found & (form != other_form) & (form != "") & (other_form != ""))
-    both = np.flatnonzero(is_found)
+    both = np.flatnonzero(is_found & np.isin(kind, ON_GROUND))
     is_other[both] |= height_differs(lines, others, stations, both)
     looked = [np.zeros(0, dtype=np.int64)]
     for one in (*ON_GROUND, *STANDING):

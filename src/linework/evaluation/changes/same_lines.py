@@ -183,7 +183,7 @@ def _height_ratio(old: LineSet, new: LineSet, stations: EpochStations, rows: Int
     """Return how many times as high the new lines are as the old one, at stations by number; NaN where that is flat."""
     rows = rows[stations.partner[rows] >= 0]
     before_m = float(old.height_m[stations.line[rows[0]]])
-    return float(np.median(new.height_m[stations.partner[rows]])) / before_m if before_m else math.nan
+    return float(np.nanmedian(new.height_m[stations.partner[rows]])) / before_m if before_m else math.nan
 
 
 def _sort_of(change: EpochChange) -> str:

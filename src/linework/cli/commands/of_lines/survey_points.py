@@ -171,7 +171,9 @@ def points_of_both(
                     f"has no points beside any marking of {path}", where=survey.paths[0],
                     advice="give the points from which these lines are",
                 )  # fmt: skip
-            warn(f"{survey.paths[0]}: too few points on the markings of {path} to tell their paint: it is not compared.")
+            warn(
+                f"{survey.paths[0]}: too few points on the markings of {path} to tell their paint: it is not compared."
+            )
         found.append(shown)
         known_m.append(float(shown.length_m[is_known].sum()))
     return ((found[0], found[1]) if all(known_m) else None), min(known_m), looks
