@@ -171,3 +171,47 @@ def test_lines_are_settled_between_two_places_at_which_others_lie_beside_them():
 
 def pairs_in_order(lanes):
     return [set(pair) for pair in zip(lanes.right_id.tolist(), lanes.left_id.tolist(), strict=True)]
+
+
+def patchy(lines, **every_m):
+    """Return lines of which some are bare for 2 m, every so many metres along the road."""
+    x, own = lines.xyz[:, 0], lines.id[lines.line_of_vertex]
+    bare = np.zeros(len(x), dtype=bool)
+    for name, every in every_m.items():
+        bare |= (own == name) & (x % every < 2.0) & (x > 1.0)
+    return lines.with_columns(bridged=bare)
+
+
+def test_how_worn_two_sets_are_tells_of_the_lines_of_which_neither_is_much():
+    """The older edge lines are worn every 6 m; the older centre line in three places, which alone may be cars."""
+    old = [("old_edge", "lane_marking", 3.8, "edge", "solid"), ("old_far", "lane_marking", -3.75, "edge", "solid"),
+           ("old_centre", "lane_marking", -0.45, "centre", "dashed")]  # fmt: skip
+    lanes = find_lanes(patchy(road(EDGE, CENTRE, FAR, *old), old_edge=6.0, old_far=6.0, old_centre=45.0))
+    assert {frozenset(pair) for pair in pairs(lanes)} == {
+        frozenset({"centre", "edge"}),
+        frozenset({"far", "centre"}),
+    }
+    assert lanes.sigma_width_m.max() < 0.02
+    # Without the edge lines of both sets it is not known
+    vague = find_lanes(
+        patchy(road(EDGE, CENTRE, FAR, old[2], ("x", "lane_marking", 3.9, "", "solid")), old_centre=45.0)
+    )
+    assert not len(vague) or vague.sigma_width_m.max() > 0.2
+
+
+def test_a_line_that_is_double_by_older_paint_is_no_centre_line():
+    """Beyond an edge line with older paint beside it there is a shoulder, whatever its role."""
+    edge, far = ((name, "lane_marking", y, "centre", "solid") for name, y in (("edge", 3.5), ("far", -3.4)))
+    older = [("a", "lane_marking", 3.1, "centre", "solid"), ("b", "lane_marking", -3.0, "centre", "solid")]
+    shoulder = ("shoulder", "road_boundary", 6.3, "", "")
+    lines = road(edge, CENTRE, far, *older, shoulder).with_columns(
+        double=[True, False, True, True, True, False]
+    )
+    assert "shoulder" not in {
+        name for pair in pairs(find_lanes(patchy(lines, a=8.0, b=8.0))) for name in pair
+    }
+    # The only double line of a road is its middle
+    alone = road(edge, ("2nd", "lane_marking", 3.2, "centre", "solid"), shoulder).with_columns(
+        double=[True, True, False]
+    )
+    assert {"edge", "shoulder"} in pairs_in_order(find_lanes(alone))

@@ -39,6 +39,8 @@ _SAME_SHIFT_M = 0.3
 #: Wear comes in patches of this length, so that as many places of a line are worn independently [m]; a line that is worn
 #: more than the one beside it by this many standard deviations is older: by chance once in 370 pairs.
 _PATCH_M, _OLDER_SIGMAS = 2.5, 3.0
+#: As rare, as the logarithm of odds.
+_OLDER_LOG_ODDS = 5.9
 #: Fewest bare places of a worn stripe: what one car hides, or a hole in the data, is one or two.
 _LEAST_BARE = 3
 #: Lines with a lower confidence are more likely none than one.
@@ -141,7 +143,8 @@ class BoundEvidence:
     def __init__(self, lines: LineSet) -> None:
         self._is_paint = lines.kind == "lane_marking"
         has_role = np.isin(lines.role, ("centre", "lane"))
-        self._is_inner = has_role & (lines.double | (lines.pattern == "dashed"))
+        self._is_dashed = has_role & (lines.pattern == "dashed")
+        self._is_double = has_role & lines.double
         self._may_be_alone = has_role
         self._is_edge = lines.role == "edge"
         self._is_unlikely = lines.confidence < _LIKELY
@@ -154,6 +157,8 @@ class BoundEvidence:
         self.strays: set[int] = set()
         #: Where lines have paint of another generation beside them, either of which may be the one that counts.
         self.unsettled: dict[int, set[Beside]] = defaultdict(set)
+        #: Lines with paint beside them that is no second stripe of theirs: that they are double says nothing of their role.
+        self._beside_others: set[int] = set()
         #: Paint beside longer paint, nearer than a lane is wide: its pieces count one by one.
         self._in_strip: set[int] = set()
         self._accompanied: set[int] = set()
@@ -235,6 +240,9 @@ class BoundEvidence:
         self.strays |= {line for line, n in third.items() if self._is_most_of(line, n)}
         older = self._older_paint(pairs)
         self.strays |= older
+        self._beside_others |= {
+            line for pair in pairs.bridged if self._are_generations(*pair, pairs) for line in pair
+        }
         doubtful = [(pairs, pair) for pair in pairs.bridged if self._are_generations(*pair, pairs)]
         doubtful += [(wide, pair) for pair in wide.bridged if wide.are_shifted]
         for of, both in doubtful:
@@ -272,23 +280,43 @@ class BoundEvidence:
     def _older_paint(self, pairs: _Pairs) -> set[int]:
         """Return the lines 0.15 to 0.5 m beside one that is less worn: older paint, where new was put beside it.
 
-        What a car or a hole in the data hides of one stripe is in one or two places; worn paint is patchy.
+        What a car or a hole in the data hides of one stripe is in one or two places; worn paint is patchy. Who paints anew does
+        so with all lines of a road: how worn both sets are where that is certain tells of the others.
         """
+        undecided, older, newer = [], [], []
         found: set[int] = set()
         for (a, b), flags in pairs.bridged.items():
-            if not self._are_generations(a, b, pairs):
-                continue
             share = np.mean(flags, axis=0)
-            older = a if share[0] > share[1] else b
+            worn, whole = (a, b) if share[0] > share[1] else (b, a)
+            if not self._are_generations(a, b, pairs) or not self._is_most_of(worn, len(flags)):
+                continue
             n_patches = len(flags) * STATION_M / _PATCH_M
             sigma = np.sqrt(2.0 * share.mean() * (1.0 - share.mean()) / n_patches)
-            bare = np.array(flags)[:, 0 if older == a else 1]
+            bare = np.array(flags)[:, 0 if worn == a else 1]
             n_bare = int(np.count_nonzero(np.diff(bare.astype(np.int8), prepend=0) == 1))
-            if n_bare < _LEAST_BARE:
-                continue
-            if np.ptp(share) > _OLDER_SIGMAS * sigma and self._is_most_of(older, len(flags)):
-                found.add(older)
+            if n_bare >= _LEAST_BARE and np.ptp(share) > _OLDER_SIGMAS * sigma:
+                found.add(worn)
+                older.append((n_patches * share.max(), n_patches))
+                newer.append((n_patches * share.min(), n_patches))
+            else:
+                undecided.append((worn, whole, n_patches * float(np.ptp(share))))
+        if older:
+            # One patch more of each, as none may be worn by chance
+            worn_share, whole_share = (
+                (1.0 + sum(worn for worn, _ in of)) / (2.0 + sum(n for _, n in of)) for of in (older, newer)
+            )
+            per_patch = np.log(worn_share / whole_share * (1.0 - whole_share) / (1.0 - worn_share))
+            found |= {
+                worn
+                for worn, whole, more in undecided
+                if whole not in found and more * per_patch > _OLDER_LOG_ODDS
+            }
         return found
+
+    def _is_inner(self, line: int) -> bool:
+        """Return whether a line is known to have a lane on both its sides: dashed, or a double line."""
+        is_double = bool(self._is_double[line]) and line not in self._beside_others
+        return bool(self._is_dashed[line]) or is_double
 
     def _is_most_of(self, line: int, n_stations: int) -> bool:
         return n_stations * STATION_M > 0.5 * float(self._length_m[line])
@@ -364,8 +392,8 @@ class BoundEvidence:
         if self._may_lack_edge_line(pair) and any(self._is_short(line) for line in pair):
             return True
         if paint[0] not in self._accompanied:
-            return pair in self._with_strip or not (self._may_be_alone[paint[0]] or self._is_inner[paint[0]])
-        return not self._is_inner[paint[0]]
+            return pair in self._with_strip or not (self._may_be_alone[paint[0]] or self._is_inner(paint[0]))
+        return not self._is_inner(paint[0])
 
 
 def unsettled_at_m(beside: Iterable[Beside], along_m: float) -> float:
