@@ -197,8 +197,10 @@ def channel_box_in_cell(
 @njit(cache=True, nogil=True)
 def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
+    most = max(MOST_MORE_POINTS * MOST_PLACE_POINTS, MOST_CHANNEL_POINTS)
+    # Columns one after the other: most kernels go through all points by two or three of them
     return PlaceScratch(
-        np.empty((max(MOST_MORE_POINTS * MOST_PLACE_POINTS, MOST_CHANNEL_POINTS) + 2, PLACE_COLUMNS)),
+        np.empty((PLACE_COLUMNS, most + 2)).T,
         np.empty((N_PROFILE_BINS + 1, PROFILE_SUMS)),
         np.empty(STEP_COLUMNS),
     )

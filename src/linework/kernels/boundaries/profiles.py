@@ -214,7 +214,7 @@ def gather_at(
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def bin_sums_across(
     work: FloatArray,
     n: int,
@@ -243,16 +243,17 @@ def bin_sums_across(
         Whether brightness is summed, too; if not, its columns are 0.
     """
     sums[:] = 0.0
-    # Points in bins are chosen without a branch, as each would be hard to foresee, and summed after that
-    chosen, bins, n_chosen = np.empty(n, np.int64), np.empty(n, np.int64), 0
+    # In bins of their own first, 0 for what is beyond: all points at once, then summed one after the other
+    bins = np.empty(n, np.int64)
     for i in range(n):
         x, y = work[i, PLACE_X], work[i, PLACE_Y]
-        k = int((x * vx + y * vy) / step + 0.5 * N_PROFILE_BINS + 1.0)
-        chosen[n_chosen], bins[n_chosen] = i, k
+        k = (x * vx + y * vy) / step + 0.5 * N_PROFILE_BINS + 1.0
         is_near = (abs(x * vy - y * vx) <= half_u) & (abs(work[i, PLACE_R]) <= CLIP_M)
-        n_chosen += int(is_near & (k >= 1) & (k <= N_PROFILE_BINS))
-    for j in range(n_chosen):
-        i, k = chosen[j], bins[j]
+        bins[i] = int(k) if is_near & (k >= 1.0) & (k < N_PROFILE_BINS + 1.0) else 0
+    for i in range(n):
+        k = bins[i]
+        if k == 0:
+            continue
         v, r = work[i, PLACE_X] * vx + work[i, PLACE_Y] * vy, work[i, PLACE_R]
         sums[k, BIN_N] += 1.0
         sums[k, BIN_V] += v
