@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import mmap
 from collections.abc import Sequence
 from typing import Any
 
@@ -39,6 +41,19 @@ def checked(name: str, values: Any, dtype: Any, shape: Sequence[int | None]) -> 
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def zeros_on_demand(shape: tuple[int, ...]) -> FloatArray:
+    """Return zeros whose memory the system gives, in its small pages, as they are written: most stay as they are.
+
+    Numpy asks for large pages, all of which is cleared and kept where one number is written.
+    """
+    n = math.prod(shape)
+    # Windows has no private mappings of its own, and gives small pages anyway
+    if n == 0 or not hasattr(mmap, "MAP_PRIVATE"):
+        return np.zeros(shape)
+    memory = mmap.mmap(-1, 8 * n, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(memory, np.float64, n).reshape(shape)
 
 
 def offsets_of(counts: npt.ArrayLike) -> IntArray:

@@ -23,7 +23,7 @@ def cells_of(xyz):
     )
     sums = floor.cell_sums(points, starts, span)
     is_wall, on_ground = points_of_walls(points, starts, span)
-    facets = floor.facets_of(sums, span)
+    facets = floor.facets_of(sums, starts, span)
     return FloorCells(
         points, starts, span, sums, facets, np.zeros(len(facets), dtype=np.bool_), is_wall, on_ground
     )

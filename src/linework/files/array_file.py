@@ -188,7 +188,8 @@ def _append(file: BinaryIO, *arrays: AnyArray) -> None:
         file.write(bytes(-file.tell() % _ALIGNMENT))
 
 
-@lru_cache
+# A survey's surface has some hundred files, each with headers of its own, and is read a dozen times
+@lru_cache(maxsize=8192)
 def _header(data: bytes) -> tuple[np.dtype[Any], tuple[int, ...]]:
     """Return the dtype and the shape that the header of an array states."""
     file = io.BytesIO(data)

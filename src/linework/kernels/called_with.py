@@ -68,16 +68,16 @@ cells.blocks.lowest_of_blocks = paint boundaries rails cables points
     f4:2C i8 i8 i8 i8 i8
 cells.blocks.supported_lowest = paint boundaries rails cables points
     f4:3C f8 i8
-cells.floor.cell_sums = paint boundaries
-    f8:2C i8:1C i8:1C
 cells.floor.cells_near_ground = paint boundaries
     f8:2C! f8:1C f8 i8 i8 f4:2C b1:2C (f8,f8)
 cells.floor.facets_of = paint boundaries
-    f8:2C i8:1C
+    f8:2C i8:1C i8:1C
 cells.floor.sort_by_cell = paint boundaries
     f8:2C! f4:1C! f8:1C i8:1C i8:1C i8:1C
-cells.floor.sums_without = paint boundaries
-    f8:2C f8:2C i8:1C i8:1C b1:1C i8:1C
+cells.floor.write_sums = paint boundaries
+    f8:2C i8:1C i8:1C f8:2C
+cells.floor.write_sums_without = paint boundaries
+    f8:2C f8:2C i8:1C i8:1C b1:1C i8:1C f8:2C
 cells.nearest.blend_into_ground = paint boundaries rails cables points
     f4:2C i4:2C f4:2C f4:2C i8:1C i8:1C f8 f8
 cells.nearest.block_sums = paint boundaries rails cables points

@@ -51,7 +51,7 @@ def test_the_noise_of_the_smoothest_floor_is_that_of_the_scanner_however_many_po
     cells = round(side_m / floor.FINE_M)
     span = np.array([0, 0, cells, cells])
     points, _, starts = floor.sort_by_cell(xyz, np.zeros(n, dtype=np.float32), np.zeros(3), col, row, span)
-    facets = floor.facets_of(floor.cell_sums(points, starts, span), span)
+    facets = floor.facets_of(floor.cell_sums(points, starts, span), starts, span)
     smoothest = facets[facets[:, floor.FACET_N] > 0.0, floor.FACET_SMOOTHEST]
     assert np.median(smoothest) == pytest.approx(NOISE_M, rel=0.15)
 

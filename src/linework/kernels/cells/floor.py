@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray, zeros_on_demand
 
 #: Side of a fine cell: half of a cell that may hold a box. [m]
 FINE_M = 0.25
@@ -169,20 +169,17 @@ def sort_by_cell(
     return points, source, starts
 
 
-@njit(cache=True, nogil=True)
 def cell_sums(points: FloatArray, starts: IntArray, span: IntArray) -> FloatArray:
     """Return the sums over the points of each fine cell, (cells, 11), x and y from its centre.
 
     Columns `SUM_N` to `SUM_STRENGTH`; the arguments are what `sort_by_cell` returns, and its `span`.
     """
-    sums, left_out = np.zeros((len(starts) - 1, SUM_COLUMNS)), np.zeros(0, dtype=np.bool_)
-    for b in range(len(starts) - 1):
-        if starts[b + 1] > starts[b]:
-            _sum_up(points, starts, span, b, left_out, sums)
+    # Most cells of a bent road's rectangle are empty
+    sums = zeros_on_demand((len(starts) - 1, SUM_COLUMNS))
+    write_sums(points, starts, span, sums)
     return sums
 
 
-@njit(cache=True, nogil=True)
 def sums_without(
     sums: FloatArray,
     points: FloatArray,
@@ -196,7 +193,7 @@ def sums_without(
     Parameters
     ----------
     sums
-        (cells, 11) of all points, as `cell_sums` returns them.
+        (cells, 11) of all points, as `cell_sums` returns them; returned as they are where no point is left out.
     points, starts, span
         As for `cell_sums`.
     left_out
@@ -204,11 +201,42 @@ def sums_without(
     starts_without
         (cells + 1,) int64: the number of points before each cell that are not.
     """
-    out = sums.copy()
-    for b in range(len(starts) - 1):
-        if starts_without[b + 1] - starts_without[b] != starts[b + 1] - starts[b]:
-            _sum_up(points, starts, span, b, left_out, out)
+    if starts_without[-1] == starts[-1]:
+        return sums
+    out = zeros_on_demand(sums.shape)
+    write_sums_without(sums, points, starts, span, left_out, starts_without, out)
     return out
+
+
+@njit(cache=True, nogil=True)
+def write_sums(points: FloatArray, starts: IntArray, span: IntArray, out: FloatArray) -> None:
+    """Write the sums over the points of the fine cells that have any to (cells, 11) zeros; see `cell_sums`."""
+    left_out = np.zeros(0, dtype=np.bool_)
+    for b in range(len(starts) - 1):
+        if starts[b + 1] > starts[b]:
+            _sum_up(points, starts, span, b, left_out, out)
+
+
+@njit(cache=True, nogil=True)
+def write_sums_without(
+    sums: FloatArray,
+    points: FloatArray,
+    starts: IntArray,
+    span: IntArray,
+    left_out: BoolArray,
+    starts_without: IntArray,
+    out: FloatArray,
+) -> None:
+    """Write the sums of the fine cells that have points to (cells, 11) zeros; arguments as for `sums_without`."""
+    for b in range(len(starts) - 1):
+        n = starts[b + 1] - starts[b]
+        if n == 0:
+            continue
+        if starts_without[b + 1] - starts_without[b] != n:
+            _sum_up(points, starts, span, b, left_out, out)
+        else:
+            for k in range(SUM_COLUMNS):
+                out[b, k] = sums[b, k]
 
 
 @njit(cache=True, nogil=True)
@@ -261,7 +289,7 @@ def plane_of(s: FloatArray) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
+def facets_of(sums: FloatArray, starts: IntArray, span: IntArray) -> FloatArray:
     """Return the facet at the centre of each cell of two fine ones, (cells, 6).
 
     Columns `FACET_N` to `FACET_SMOOTHEST`. Facets are 1 m wide, more where the points are few; 0 points where
@@ -270,9 +298,9 @@ def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
     Parameters
     ----------
     sums
-        (fine cells, 11), as `cell_sums` returns them.
-    span
-        (4,) int64 range of the fine cells.
+        (fine cells, 11), as `cell_sums` returns them, of all points or of some.
+    starts, span
+        (fine cells + 1,) and (4,) int64: where the points of each fine cell begin, and the range of these.
     """
     n_cols, n_rows = span[SPAN_COLS], span[SPAN_ROWS]
     out = np.zeros((len(sums) // 4, FACET_COLUMNS))
@@ -280,6 +308,8 @@ def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
     for k in range(len(out)):
         r, c = 2 * (k // (n_cols // 2)), 2 * (k % (n_cols // 2))
         at = r * n_cols + c
+        if starts[at + 2] == starts[at] and starts[at + n_cols + 2] == starts[at + n_cols]:
+            continue
         south = sums[at, SUM_N] + sums[at + 1, SUM_N]
         if south + sums[at + n_cols, SUM_N] + sums[at + n_cols + 1, SUM_N] == 0.0:
             continue

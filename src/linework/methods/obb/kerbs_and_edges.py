@@ -109,7 +109,7 @@ class FloorPoints:
         # Floors are those of the ground alone
         is_wall, on_ground = points_of_walls(local, starts, span)
         of_ground = floor.sums_without(sums, local, starts, span, is_wall, on_ground)
-        facets = floor.facets_of(of_ground, span)
+        facets = floor.facets_of(of_ground, starts, span)
         data = FloorCells(local, starts, span, sums, facets, of_cells, is_wall, on_ground)
         time_s = np.zeros(0) if points.time_s is None else points.time_s
         return cls(data, (ground_m, g.cell_width_m, west, north), (source, time_s))
