@@ -224,6 +224,10 @@ scanlines.strips.cuts_of_strips = paint boundaries rails cables
     f8:1C f8:2C (f8,f8) b1 f8 f8 f8
 scanlines.strips.mean_motion = paint boundaries rails cables
     f8:1C f8:2C f8
+scanlines.turn_planes.sum_of_turns = paint boundaries rails cables
+    scanlines.turn_planes.Looks(i8:1C,i8:1C,i8:1C,f8:2C) f8:1C f8:1C i8:2C i8
+scanlines.turn_planes.turns_that_meet = paint boundaries rails cables
+    scanlines.turn_planes.Looks(i8:1C,i8:1C,i8:1C,f8:2C) i8
 scanlines.turns.cuts_of_turns = paint boundaries rails cables
     f8:1C f8:1C f8:1C
 scanlines.turns.in_order_of_ties = paint boundaries rails cables

@@ -25,6 +25,14 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
+from linework.kernels.scanlines.turn_planes import (
+    OF_CELLS,
+    OF_LOOKS,
+    OF_MEANS,
+    Looks,
+    sum_of_turns,
+    turns_that_meet,
+)
 from linework.model.columns import Columns, column
 
 #: Side of the cells in which turns are compared: smaller than gutters and ramps, with three points of a turn up to some
@@ -127,19 +135,16 @@ def turn_planes(cells: TurnCells) -> TurnPlanes | None:
         (np.concatenate([np.ones(len(turn)), away[:, 0], away[:, 1]]),
          (rows, np.concatenate([3 * turn, 3 * turn + 1, 3 * turn + 2]))), shape=(len(turn), 3 * n_turns),
     )  # fmt: skip
-    in_cell = sparse.csr_matrix((np.ones(len(turn)), (np.arange(len(turn)), at)))
-    z = xyz[:, 2]
+    looks = Looks(np.argsort(at, kind="stable"), offsets_of(np.bincount(at)), turn, away)
+    blocks = _Blocks.of(looks, n_turns)
+    z = np.ascontiguousarray(xyz[:, 2])
     found, weight = np.zeros(3 * n_turns), np.ones(len(turn))
     apart = scale = _spread(_less_mean(z, at, weight))
     for _ in range(_N_ROUNDS):
-        total = in_cell.T @ weight
-        weighted = A.T @ sparse.diags(weight)
-        to_cells = weighted @ in_cell
-        mean_of = to_cells @ sparse.diags(1.0 / total)
-        normal = weighted @ A - mean_of @ to_cells.T
-        normal = normal + (scale / _RECORDED_SIGMA_M) ** 2 * (mean_of @ mean_of.T)
-        normal = normal + scale**2 * _prior(n_turns)
-        found = splu(normal.tocsc()).solve(A.T @ (weight * z) - mean_of @ (in_cell.T @ (weight * z)))
+        sums, right = sum_of_turns(looks, z, weight, blocks.number, len(blocks.prior))
+        values = sums[:, OF_LOOKS] - sums[:, OF_CELLS]
+        values = values + (scale / _RECORDED_SIGMA_M) ** 2 * sums[:, OF_MEANS]
+        found = splu(blocks.matrix(values + scale**2 * blocks.prior)).solve(right.reshape(-1))
         residual = _less_mean(z - A @ found, at, weight)
         scale = max(_spread(residual), 1e-4)
         # Of a kerb, a car, and whatever else is no level ground: Cauchy
@@ -147,6 +152,46 @@ def turn_planes(cells: TurnCells) -> TurnPlanes | None:
     mean = np.bincount(at, weight * (A @ found)) / np.bincount(at, weight)
     common = float(np.sqrt(np.mean(mean**2) + apart**2 / np.median(n_seen[n_seen >= LEAST_TURNS])))
     return TurnPlanes(centre, _REACH * spread[:, 1], found.reshape(-1, 3), apart, scale, common)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Blocks:
+    """Where the matrix of the normal equations has blocks of 3 x 3: for turns that see a cell, and for successive ones.
+
+    Parameters
+    ----------
+    number
+        (t, t) number of the block of two turns, 0 without any.
+    column, starts
+        (k,) second turn of each block, and (t + 1,) where those of each first turn begin.
+    prior
+        (k, 3, 3) what is known before.
+    """
+
+    number: IntArray
+    column: IntArray
+    starts: IntArray
+    prior: FloatArray
+
+    @classmethod
+    def of(cls, looks: Looks, n_turns: int) -> _Blocks:
+        """Return the blocks for what turns saw."""
+        known = sparse.coo_matrix(_prior(n_turns))
+        has = turns_that_meet(looks, n_turns)
+        has[known.row // 3, known.col // 3] = True
+        number = np.zeros((n_turns, n_turns), np.int64)
+        number[has] = np.arange(np.count_nonzero(has))
+        prior = np.zeros((np.count_nonzero(has), 3, 3))
+        prior[number[known.row // 3, known.col // 3], known.row % 3, known.col % 3] = known.data
+        return cls(number, np.nonzero(has)[1], offsets_of(np.count_nonzero(has, axis=1)), prior)
+
+    def matrix(self, values: FloatArray) -> AnyArray:
+        """Return the matrix (3 t, 3 t) of which these are the blocks, (k, 3, 3)."""
+        size = 3 * len(self.number)
+        whole = sparse.bsr_matrix((values, self.column, self.starts), shape=(size, size)).tocsc()
+        whole.eliminate_zeros()
+        matrix: AnyArray = whole
+        return matrix
 
 
 def _is_chosen(cell: IntArray, turn: IntArray, n_seen: IntArray) -> AnyArray:

@@ -269,13 +269,19 @@ def _face_m(outline: str, half: float) -> float:
     return half * (0.25 * np.pi if outline == "pipe" else 1.0)
 
 
-@lru_cache(maxsize=_KEPT_PLACES)
 def _places(offset_m: float, middle_m: float | None) -> AnyArray:
     """Return the places (p,) int64 to try: all of them, or those near the points' own middle, less or with an offset."""
-    most = round(_MOST_ACROSS_M / _PLACE_STEP_M)
     if middle_m is None:
+        return _places_about(())
+    return _places_about(tuple(round((middle_m + side * offset_m) / _PLACE_STEP_M) for side in (-1, 0, 1)))
+
+
+@lru_cache(maxsize=_KEPT_PLACES)
+def _places_about(about: tuple[int, ...]) -> AnyArray:
+    """Return the places (p,) int64 to try about some, or all of them."""
+    most = round(_MOST_ACROSS_M / _PLACE_STEP_M)
+    if not about:
         return np.arange(-most, most + 1)
-    about = [round((middle_m + side * offset_m) / _PLACE_STEP_M) for side in (-1, 0, 1)]
     tried = np.add.outer(about, np.arange(-_NEAR, _NEAR + 1))
     return np.unique(np.clip(tried, -most, most))
 
