@@ -65,11 +65,10 @@ def settle_mixture(
     sigma_o, sigma_z = sigma
     total = -np.inf
     for _ in range(_MOST_ROUNDS):
-        before, total = total, _expect(points, curves, share, (sigma_o, sigma_z), limits.reach, weight)
-        number[:] = 0.0
-        for i in range(n):
-            for k in range(n_wires):
-                number[k] += weight[i, k]
+        before, total = (
+            total,
+            _expect(points, curves, share, (sigma_o, sigma_z), limits.reach, weight, number),
+        )
         if number.min() < UNKNOWNS_OF_WIRE:
             return np.nan, sigma_o, sigma_z
         for k in range(n_wires):
@@ -86,14 +85,24 @@ def settle_mixture(
 
 @njit(cache=True, nogil=True)
 def _expect(
-    points: FloatArray, curves: FloatArray, share: FloatArray, sigma: tuple[float, float], reach: float, weight: FloatArray
-) -> float:  # fmt: skip
-    """Write how likely each point is on each wire, `weight` (n, wires), and return the logarithm of the likelihood."""
+    points: FloatArray,
+    curves: FloatArray,
+    share: FloatArray,
+    sigma: tuple[float, float],
+    reach: float,
+    weight: FloatArray,
+    number: FloatArray,
+) -> float:
+    """Write how likely each point is on each wire, and return the logarithm of the likelihood.
+
+    weight, number: (n, wires) and (wires,) output, the second the sums of the first.
+    """
     n_wires = len(share)
     per_o, per_z = 1.0 / sigma[0], 1.0 / sigma[1]
     stray = (1.0 - share.sum()) / (2.0 * reach) ** 2
     peak = share / (2.0 * math.pi * sigma[0] * sigma[1])
     total = 0.0
+    number[:] = 0.0
     for i in range(len(points)):
         u, sums = points[i, AT_STATION], stray
         for k in range(n_wires):
@@ -103,6 +112,7 @@ def _expect(
             sums += weight[i, k]
         for k in range(n_wires):
             weight[i, k] /= sums
+            number[k] += weight[i, k]
         total += math.log(sums)
     return total
 
@@ -110,17 +120,19 @@ def _expect(
 @njit(cache=True, nogil=True)
 def _fit_wire(points: FloatArray, weight: FloatArray, k: int, curves: FloatArray) -> None:
     """Fit both parabolas of a wire to the points by their weights (n, wires)."""
-    moments, right = np.zeros(5), np.zeros((3, 2))
+    # Sums in registers: read back from memory for every point they take longer
+    m0 = m1 = m2 = m3 = m4 = o0 = o1 = o2 = z0 = z1 = z2 = 0.0
     for i in range(len(points)):
         u, w = points[i, AT_STATION], weight[i, k]
         o, z = points[i, AT_OFFSET], points[i, AT_HEIGHT]
-        for a in range(3):
-            moments[a] += w
-            right[a, 0] += w * o
-            right[a, 1] += w * z
-            w *= u
-        moments[3] += w
-        moments[4] += w * u
+        m0, o0, z0 = m0 + w, o0 + w * o, z0 + w * z
+        w *= u
+        m1, o1, z1 = m1 + w, o1 + w * o, z1 + w * z
+        w *= u
+        m2, o2, z2 = m2 + w, o2 + w * o, z2 + w * z
+        w *= u
+        m3, m4 = m3 + w, m4 + w * u
+    moments, right = (m0, m1, m2, m3, m4), np.array([[o0, z0], [o1, z1], [o2, z2]])
     normal = np.empty((3, 3))
     for a in range(3):
         for b in range(3):
