@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, ranks_of
 
 #: Heights over the ground of the part of a trail that is left out: above any kerb, and below what hangs over a road. What
 #: is higher looks like no edge, rail or fence. [m]
@@ -53,9 +53,9 @@ def is_passing(height_m: FloatArray, cell: IntArray, turn: IntArray) -> BoolArra
     """
     if not len(cell):
         return np.zeros(0, dtype=bool)
-    cells, cell = np.unique(cell, return_inverse=True)
-    turns, turn = np.unique(turn, return_inverse=True)
-    looks, look = np.unique(cell * len(turns) + turn, return_inverse=True)
+    cells, cell = ranks_of(cell)
+    turns, turn = ranks_of(turn)
+    looks, look = ranks_of(cell * len(turns) + turn)
     at = looks // len(turns)
     ground = _ground(np.asarray(_lowest(height_m, look, len(looks))), at)
     over = height_m - ground[cell]

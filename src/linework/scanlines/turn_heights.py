@@ -105,10 +105,10 @@ class TurnPlanes:
 
     def at(self, turn: IntArray, xy: FloatArray) -> FloatArray:
         """Return how much too high turns (n,) are at places (n, 2) [m, local], (n,) [m]."""
-        away = xy - self.centre[turn]
-        far = np.hypot(*away.T) / np.maximum(self.reach_m[turn], 1e-9)
-        away /= np.maximum(far, 1.0)[:, None]
-        return np.asarray(self.plane[turn, 0] + np.einsum("ij,ij->i", away, self.plane[turn, 1:]))
+        height, east, north = np.ascontiguousarray(self.plane.T)
+        x, y = (xy[:, k] - np.ascontiguousarray(self.centre[:, k])[turn] for k in range(2))
+        far = np.maximum(np.hypot(x, y) / np.maximum(self.reach_m, 1e-9)[turn], 1.0)
+        return np.asarray(height[turn] + (x / far * east[turn] + y / far * north[turn]))
 
 
 def turn_planes(cells: TurnCells) -> TurnPlanes | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.arrays import AnyArray, FloatArray, IntArray, ranks_of
 from linework.files.store.layout import STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
@@ -62,7 +62,9 @@ class TurnLevels:
 
     def too_high_m(self, time_s: FloatArray, xyz: FloatArray) -> FloatArray:
         """Return by how much points (n, 3) [m, world] of times (n,) are too high, (n,) [m]."""
-        turn = _nearest(self.number, np.floor(time_s / self.length_s).astype(np.int64))
+        # Points are many, turns are few
+        of_points, number = ranks_of(np.floor(time_s / self.length_s).astype(np.int64))
+        turn = _nearest(self.number, of_points)[number]
         return self.planes.at(turn, xyz[:, :2] - self.origin)
 
     def levelled(self, points: Points) -> Points:
