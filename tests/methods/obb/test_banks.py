@@ -9,7 +9,13 @@ import pytest
 
 import linework
 from linework.kernels.cells import floor
-from linework.methods.obb.boundary_evidence import DASHES_OF_ROAD, evidence_of, has_dashes_behind, may_be_bank
+from linework.methods.obb.boundary_evidence import (
+    DASHES_OF_ROAD,
+    evidence_of,
+    has_dashes_behind,
+    is_joint_of_road,
+    may_be_bank,
+)
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.marking_lines import SmoothMarking
 from linework.methods.tracking.neighbours import LineAxis
@@ -122,3 +128,29 @@ def test_a_kerb_with_dashes_behind_it_is_that_of_a_median(n, offset_m, expected)
     found, edge = dashes(n, offset_m), smooth(40.0, 0.0)
     axes = [LineAxis.of(line.t_m, line.xyz) for line in (edge, found.line)]
     assert has_dashes_behind(axes[:1], [found], axes[1:]).tolist() == [expected]
+
+
+@pytest.mark.parametrize(
+    ("dashes_m", "edge_m", "is_turned", "form", "expected"),
+    [
+        (-0.1, -2.7, False, "edge", True),
+        (-2.2, -5.5, False, "edge", True),
+        (-0.1, -2.7, False, "kerb", False),
+        # Dashes of another lane, in front, or of another carriageway
+        (-3.5, -5.5, False, "edge", False),
+        (0.1, -2.7, False, "edge", False),
+        (-2.0, -1.0, True, "edge", False),
+        (-0.1, 2.7, False, "edge", False),
+    ],
+)
+def test_a_joint_of_the_asphalt_has_dashes_and_the_other_edge_behind_it(
+    dashes_m, edge_m, is_turned, form, expected
+):
+    """A lane was paved anew: its joint lies beside the line in the middle of the road."""
+    found = dashes(DASHES_OF_ROAD, dashes_m)
+    joint, edge = (smooth(50.0, y) for y in (0.0, edge_m))
+    axes = [LineAxis.of(line.t_m, line.xyz) for line in (joint, edge, found.line)]
+    if is_turned:
+        axes[1] = LineAxis.of(edge.t_m, edge.xyz[::-1])
+    is_kerb = np.array([form == "kerb", False])
+    assert is_joint_of_road(axes[:2], is_kerb, [found], axes[2:])[0] == expected

@@ -12,7 +12,13 @@ import numpy as np
 
 from linework.arrays import BoolArray
 from linework.kernels.boundaries.change_boxes import GAIN_SCALE
-from linework.methods.tracking.arrangement import BEHIND_KERB_M, SEAM_M, share_of_stations
+from linework.methods.tracking.arrangement import (
+    BEHIND_KERB_M,
+    FACING_M,
+    SEAM_M,
+    nearest_per_station,
+    share_of_stations,
+)
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.line_odds import FREE_DASHES
 from linework.methods.tracking.marking_lines import SmoothMarking
@@ -66,3 +72,35 @@ def has_dashes_behind(
     n = find_neighbours([*kerbs, *dashed], BEHIND_KERB_M)
     behind = (n.line < m) & (n.other >= m) & (n.across_m < -SEAM_M)
     return np.asarray(share_of_stations(n, behind, [*kerbs, *dashed])[:m] > _MOST)
+
+
+def is_joint_of_road(
+    axes: Sequence[LineAxis],
+    is_kerb: BoolArray,
+    markings: Sequence[SmoothMarking],
+    lanes: Sequence[LineAxis],
+) -> BoolArray:
+    """Return which boundaries without a kerb are joints between two asphalts of one carriageway, (m,) bool.
+
+    A lane with new asphalt is as different from the other as grass is from a road, and its joint lies beside the line between
+    them: dashes are close behind such a boundary, and the next one behind it has its carriageway in front as well.
+
+    Parameters
+    ----------
+    axes
+        (m,) boundaries, each with the carriageway to its left.
+    markings, lanes
+        (k,) markings, and their axes.
+    """
+    m = len(axes)
+    dashed = [axis for axis, one in zip(lanes, markings, strict=True) if len(one.dashes) >= DASHES_OF_ROAD]
+    every = [*axes, *dashed]
+    n = find_neighbours(every, FACING_M)
+    behind = (n.line < m) & (n.across_m < 0.0)
+    is_dashes = n.other >= m
+    next_behind = nearest_per_station(n, behind & ~is_dashes)
+    dashes, facing = (
+        share_of_stations(n, chosen, every)[:m] > _MOST
+        for chosen in (behind & is_dashes & (n.across_m > -SEAM_M), next_behind & (n.facing > 0.0))
+    )
+    return np.asarray(~is_kerb & dashes & facing)

@@ -13,7 +13,13 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.cells.places import BOX_CELL_M
-from linework.methods.obb.boundary_evidence import evidence_of, has_dashes_behind, may_be_bank, shade_of
+from linework.methods.obb.boundary_evidence import (
+    evidence_of,
+    has_dashes_behind,
+    is_joint_of_road,
+    may_be_bank,
+    shade_of,
+)
 from linework.methods.obb.candidates import (
     BEHIND,
     EVEN,
@@ -286,6 +292,7 @@ def keep_consistent(now: Joining) -> Joining:
     # Behind a kerb there is no carriageway over some width but where it is a median's; behind an edge, and what may be a
     # bank, there may be another one, but not close behind; and a change of the ground has a stone beside it at most
     lanes = axes_of_lines(now.markings)
+    is_sure &= ~is_joint_of_road(axes_of_lines(boundaries), is_kerb, now.markings, lanes)
     has_yard = is_kerb & ~has_dashes_behind(axes_of_lines(boundaries), now.markings, lanes)
     has_yard &= ~np.array([may_be_bank(b) for b in boundaries], dtype=np.bool_)
     width_m = np.where(has_yard, BEHIND_KERB_M, np.where(is_change, KERB_STONE_M, SEAM_M))
