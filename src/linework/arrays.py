@@ -44,9 +44,9 @@ def checked(name: str, values: Any, dtype: Any, shape: Sequence[int | None]) -> 
 
 
 def zeros_on_demand(shape: tuple[int, ...]) -> FloatArray:
-    """Return zeros whose memory the system gives, in its small pages, as they are written: most stay as they are.
+    """Return zeros whose memory the system gives page by page as they are written, for arrays of which most stays zero.
 
-    Numpy asks for large pages, all of which is cleared and kept where one number is written.
+    Numpy asks for large pages, and the whole of a page is cleared and kept once one number in it is written.
     """
     n = math.prod(shape)
     # Windows has no private mappings of its own, and gives small pages anyway
@@ -57,7 +57,7 @@ def zeros_on_demand(shape: tuple[int, ...]) -> FloatArray:
 
 
 def ranks_of(values: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the different ones of values (n,), ascending (k,), and where each stands among them (n,), as `np.unique` does.
+    """Return the distinct values (k,), ascending, of values (n,), and where each stands among them (n,), as `np.unique` does.
 
     Values of a small range are marked instead of sorted.
 
@@ -66,8 +66,8 @@ def ranks_of(values: IntArray) -> tuple[IntArray, IntArray]:
     """
     low, high = (int(values.min()), int(values.max())) if len(values) else (0, 0)
     if high - low > 4 * len(values):
-        different, number = np.unique(values, return_inverse=True)
-        return different, number
+        distinct, number = np.unique(values, return_inverse=True)
+        return distinct, number
     seen = np.zeros(high - low + 1, dtype=np.bool_)
     seen[values - low] = True
     return np.flatnonzero(seen) + low, (np.cumsum(seen) - 1)[values - low]

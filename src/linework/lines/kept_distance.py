@@ -23,15 +23,15 @@ _SAME_DISTANCE_M = 0.06
 _REACH_M = 50.0
 #: Shortest stretch over which two lines were both measured at a distance that says where one of them is. [m]
 _SHORTEST_KEPT_M = 20.0
-#: Lines farther from each other are of different roads: two lanes of the widest kind. [m]
+#: Lines farther from each other than two wide lanes are of different roads. [m]
 _FARTHEST_M = 9.0
 
 
 def known_by_distance(rows: Sequence[Sequence[Bound]]) -> list[frozenset[int]]:
     """Return for each station the lines that were not measured there, but are where measured ones beside them say.
 
-    The distance to such a line is that over 20 m, within 50 m of the station, at which both were measured. Paint, edges of the
-    pavement, rails and walls all keep theirs.
+    Over 20 m within 50 m of the station both lines were measured at the distance that they have there. Paint, edges of the
+    pavement, rails, barriers and fences all keep their distance.
 
     Parameters
     ----------
@@ -58,13 +58,10 @@ def known_by_distance(rows: Sequence[Sequence[Bound]]) -> list[frozenset[int]]:
             continue
         both = np.full(station[-1] - station[0] + 1, np.nan)
         both[station[~is_bridged] - station[0]] = distance_m[~is_bridged]
-        kept_m = _kept_m(both, station[is_bridged] - station[0], distance_m[is_bridged])
-        for k, own in zip(
-            station[is_bridged][kept_m >= _SHORTEST_KEPT_M].tolist(),
-            line[is_bridged][kept_m >= _SHORTEST_KEPT_M].tolist(),
-            strict=True,
-        ):
-            found[k].add(own)
+        at, own = station[is_bridged], line[is_bridged]
+        is_kept = _kept_m(both, at - station[0], distance_m[is_bridged]) >= _SHORTEST_KEPT_M
+        for k, number in zip(at[is_kept].tolist(), own[is_kept].tolist(), strict=True):
+            found[k].add(number)
     return [frozenset(lines) for lines in found]
 
 

@@ -24,7 +24,7 @@ from linework.methods.tracking.line_odds import FREE_DASHES
 from linework.methods.tracking.marking_lines import SmoothMarking
 from linework.methods.tracking.neighbours import LineAxis, find_neighbours
 
-#: Fewest dashes that show a carriageway behind a kerb: period, phase and length are fitted to three, and as many again lie
+#: Fewest dashes that show a carriageway: period, phase and length are fitted to three, and as many again lie
 #: where these say.
 DASHES_OF_ROAD = 2 * FREE_DASHES
 #: There is a carriageway behind a kerb if its dashes are beside it at more than this share of its stations.
@@ -53,6 +53,11 @@ def shade_of(boundary: SmoothBoundary) -> int:
     return int(np.sign(np.median(np.log(contrast[alone])))) if 2 * np.count_nonzero(alone) > len(alone) else 0
 
 
+def _dashes_of_road(markings: Sequence[SmoothMarking], lanes: Sequence[LineAxis]) -> list[LineAxis]:
+    """Return the axes of the markings with enough dashes to show that there is a carriageway."""
+    return [axis for axis, one in zip(lanes, markings, strict=True) if len(one.dashes) >= DASHES_OF_ROAD]
+
+
 def has_dashes_behind(
     kerbs: Sequence[LineAxis], markings: Sequence[SmoothMarking], lanes: Sequence[LineAxis]
 ) -> BoolArray:
@@ -68,7 +73,7 @@ def has_dashes_behind(
         (k,) markings, and their axes.
     """
     m = len(kerbs)
-    dashed = [axis for axis, one in zip(lanes, markings, strict=True) if len(one.dashes) >= DASHES_OF_ROAD]
+    dashed = _dashes_of_road(markings, lanes)
     n = find_neighbours([*kerbs, *dashed], BEHIND_KERB_M)
     behind = (n.line < m) & (n.other >= m) & (n.across_m < -SEAM_M)
     return np.asarray(share_of_stations(n, behind, [*kerbs, *dashed])[:m] > _MOST)
@@ -93,7 +98,7 @@ def is_joint_of_road(
         (k,) markings, and their axes.
     """
     m = len(axes)
-    dashed = [axis for axis, one in zip(lanes, markings, strict=True) if len(one.dashes) >= DASHES_OF_ROAD]
+    dashed = _dashes_of_road(markings, lanes)
     every = [*axes, *dashed]
     n = find_neighbours(every, FACING_M)
     behind = (n.line < m) & (n.across_m < 0.0)
