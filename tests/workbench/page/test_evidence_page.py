@@ -56,6 +56,8 @@ def test_what_is_shown_of_an_item_is_never_that_of_the_one_before(browser, serve
         assert "about lane_marking" in text and "A: accept it" in text
         assert "about road_boundary" not in text and "Step" not in text
         assert pane.locator("svg, canvas").count() == 0
+        # What is held may be asked about the item before; the question about this one comes after it
+        plan.page.unroute("**/api/evidence**")
         for route in held:
             route.continue_()
         wait_until(lambda: pane.get_attribute("data-key") == items[1]["key"])
