@@ -23,8 +23,9 @@ from benchmarks.accuracy import seeds_of
 from linework.cli.commands.of_lines.evaluate import print_tables
 from linework.evaluation.chainage.bends import with_bends
 from linework.evaluation.chainage.crossings import crossings_at
+from linework.evaluation.chainage.dash_ends import ends_of_dashes
 from linework.evaluation.chainage.dashes_along import dash_samples
-from linework.evaluation.chainage.paint_along import paint_samples
+from linework.evaluation.chainage.paint_along import least_paint_ratios, paint_samples
 from linework.evaluation.chainage.paint_points import CORE_SHARE, paint_pieces
 from linework.evaluation.chainage.routes import own_routes
 from linework.evaluation.chainage.samples import clearance_samples, station_samples
@@ -85,12 +86,14 @@ def measure(survey, errors):
         lines = linework.extract(folder, work=Path(name) / "work", on_problem="warn")
     truth = survey.truth.with_columns(bridged=~survey.truth.observed)
     axes = own_routes(truth)
+    points_in = in_bounds(survey.points)
+    pieces = paint_pieces(lines, points_in)
+    dashes = ends_of_dashes(lines, least_paint_ratios(pieces), points_in)
     for axis in axes:
         exact = by_quantity(truth, axis, own_wires(truth, truth), is_lowest_only=True)
-        found = by_quantity(lines, axis, own_wires(lines, truth))
+        found = by_quantity(lines, axis, own_wires(lines, truth), dashes=dashes)
         for key, places in exact.items():
             add_errors(places, found.get(key, []), errors[key[:2]])
-    pieces = paint_pieces(lines, in_bounds(survey.points))
     for axis in axes:
         samples = iter(paint_samples(lines, axis, pieces))
         stretches = defaultdict(list)
@@ -196,11 +199,11 @@ def wire_places(lines):
         yield str(lines.id[i]) or f"line {i + 1}", shapely.get_coordinates(shape, include_z=True)
 
 
-def by_quantity(lines, axis, wires, *, is_lowest_only=False):
+def by_quantity(lines, axis, wires, *, is_lowest_only=False, dashes=None):
     """Return all samples by topic, quantity and wire: the least clearance of each wire at a place, or of the lowest one only."""
     crossings = crossings_at(lines, cross_cuts(lines, axis), len(axis.station_m))
     found = defaultdict(list)
-    for samples in (with_bends(station_samples(axis, crossings)), dash_samples(lines, axis)):
+    for samples in (with_bends(station_samples(axis, crossings)), dash_samples(lines, axis, dashes)):
         for sample in samples:
             found[sample.topic, sample.quantity, ""].append(sample)
     lowest = {}

@@ -12,7 +12,9 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, IntArray
+from linework.evaluation.chainage.dash_ends import DashEnds
+from linework.evaluation.chainage.dash_lengths import DashesOfStretch, dashes_of_stretch, likeliest_length
 from linework.evaluation.chainage.samples import Sample
 from linework.lines.crosscuts import Axis
 from linework.lines.dashes import (
@@ -32,17 +34,22 @@ _ABOUT_M = 50.0
 _BY_CHANCE = 2.0
 
 
-def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
+def dash_samples(lines: LineSet, axis: Axis, ends: DashEnds | None = None) -> Iterator[Sample]:
     """Yield the length of each dash, the gap after it, and the number of dashes missing in it.
 
     Lengths are those of the marking's rhythm, from the whole dashes about the dash or, where these are alike, from all: of a worn dash less is left, and
     a single end is known to half the distance of scan lines only. Where no rhythm is known they are unknown, and those of
     a dash that is too long for it. A gap with room for more dashes is missing paint where the marking was measured; where
     it was bridged, the gap is not counted.
+
+    Parameters
+    ----------
+    ends
+        What the points show at the ends of the dashes: lengths are better known by them (`dashes_of_stretch`).
     """
     tree = cKDTree(axis.xyz[:, :2])
-    for name, line, ends in dashes_by_marking(lines):
-        along = dashes_along(lines[line].xyz, ends)
+    for name, line, corners_of in dashes_by_marking(lines):
+        along = dashes_along(lines[line].xyz, corners_of)
         middle = along.mean(axis=1)
         shape = shapely.linestrings(lines[line].xyz[:, :2])
         places = shapely.get_coordinates(shapely.line_interpolate_point(shape, middle))
@@ -51,10 +58,12 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
         )
         away, station = tree.query(places)
         of_all = rhythm_of_whole(along)
+        seen = _lengths_by_points(along, of_all, ends, line)
         for i in np.flatnonzero(away <= _FAR_M).tolist():
             s = float(axis.station_m[station[i]])
             offset = float((places[i] - axis.xyz[station[i], :2]) @ axis.left[station[i]])
             rhythm = _rhythm_at(rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M]), of_all)
+            rhythm = seen.get(i, rhythm)
             is_known = rhythm is not None and along[i, 1] - along[i, 0] <= rhythm.dash_m + ALIKE_DASHES_M
             # Of a dash at a hidden stretch a part may be hidden
             is_whole = is_known and not _is_bridged(lines, line, *corners[i])
@@ -75,6 +84,39 @@ def dash_samples(lines: LineSet, axis: Axis) -> Iterator[Sample]:
             )
             if missing <= 0:
                 yield Sample(s, offset, "marking", "gap_length", name, gap if is_known else None, gap_sigma)
+
+
+def _lengths_by_points(
+    along: FloatArray, of_all: MarkingRhythm | None, ends: DashEnds | None, line: int
+) -> dict[int, MarkingRhythm]:
+    """Return the rhythm of each dash of a marking from the points at the ends of all, by its number; of those that have one.
+
+    Found stretch by stretch, as periods drift; stretches have one length unless theirs differ by more than chance makes.
+    """
+    rows = np.flatnonzero(ends.line == line) if ends is not None else np.zeros(0, dtype=np.int64)
+    if ends is None or of_all is None or len(rows) != len(along):
+        return {}
+    own = ends.take(rows)
+    share = float(own.n_bright.sum()) / max(int(own.n_pairs.sum()), 1)
+    stretch = ((along.mean(axis=1) - along[0].mean()) // (2.0 * _ABOUT_M)).astype(np.int64)
+    found: list[tuple[IntArray, DashesOfStretch]] = []
+    for k in np.unique(stretch).tolist():
+        here = np.flatnonzero(stretch == k)
+        near = rhythm_of_whole(along[here])
+        if near is None or abs(near.dash_m - of_all.dash_m) > ALIKE_DASHES_M:
+            near = of_all
+        rhythm = MarkingRhythm(of_all.dash_m, near.dash_m + near.gap_m - of_all.dash_m)
+        found.append((here, dashes_of_stretch(own.begin[here], own.end[here], share, along[here], rhythm)))
+    every = likeliest_length(of_all.dash_m, np.sum([one.likelihood for _, one in found], axis=0))
+    lengths: dict[int, MarkingRhythm] = {}
+    for here, (period, likelihood) in found:
+        alone = likeliest_length(of_all.dash_m, likelihood)
+        by_chance = _BY_CHANCE * math.hypot(alone.sigma_m, every.sigma_m)
+        dash = every if abs(alone.value_m - every.value_m) <= by_chance else alone
+        gap_sigma = math.hypot(dash.sigma_m, period.sigma_m)
+        rhythm = MarkingRhythm(dash.value_m, period.value_m - dash.value_m, dash.sigma_m, gap_sigma)
+        lengths |= dict.fromkeys(here.tolist(), rhythm)
+    return lengths
 
 
 def _rhythm_at(near: MarkingRhythm | None, of_all: MarkingRhythm | None) -> MarkingRhythm | None:

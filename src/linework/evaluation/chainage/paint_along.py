@@ -35,6 +35,8 @@ _MOST_MISTAKEN = 0.25
 _MOST_OF_WIDTH = 0.25
 #: Points this far from the brightness of the road, in its own deviations, are no road. [deviations]
 _ROAD_SIGMAS = 2.0
+#: Most of the points of plain road that are as bright as the least paint where single points tell where it ends. [share]
+_MOST_BRIGHT_ROAD = 0.002
 #: Pieces this near have the same road beside them: patches of other asphalt are longer. [m]
 _SAME_ROAD_M = 10.0
 #: Rounds after which the share of paint among some points changes by less than a hundredth.
@@ -103,6 +105,27 @@ def paint_stretches(lines: LineSet, pieces: PaintPieces, *, every_m: float = 10.
             n_known = sum(one["remaining_paint"][0] is not None for one in own)
             end = min((stretch + 1.0) * every_m, float(lines.length_m[number]))
             found.append(PaintStretch(number, stretch * every_m, end, values, n_known / len(own)))
+    return found
+
+
+def least_paint_ratios(pieces: PaintPieces) -> dict[int, float]:
+    """Return the least brightness of paint as a ratio to the road beside, by the number of the marking; of those that show it.
+
+    Half-way between road and whole paint, or above where more points of plain road would be as bright. Bright points beside
+    paint that have no dark ones to match, as speckle is a factor, are other paint.
+    """
+    found = {}
+    ratio = ratio_of_bin()
+    for number in np.unique(pieces.line).tolist():
+        marking = pieces.take(np.flatnonzero(pieces.line == number))
+        whole, beside = _usual_paint(marking).ratio, marking.beside.sum(axis=0)
+        if whole is None:
+            continue
+        for least in ratio[(ratio >= 0.5 * (1.0 + whole)) & (ratio < whole)].tolist():
+            dark = float(beside[ratio <= 1.0 / least].sum())
+            if min(float(beside[ratio >= least].sum()), dark) <= _MOST_BRIGHT_ROAD * beside.sum():
+                found[number] = least
+                break
     return found
 
 

@@ -22,7 +22,7 @@ from linework.model.lines import LineSet
 from linework.model.points import Points
 
 #: Length of a piece, and of the chords that follow it through bends: 0.3 cm off the curve at a radius of 10 m. [m]
-_PIECE_M, _CHORD_M = 2.0, 0.5
+_PIECE_M, PIECE_CHORD_M = 2.0, 0.5
 #: Inner part of the width of paint that is looked at: the edges are blurred by the spot of the beam. [share]
 CORE_SHARE = 0.5
 #: What is beside paint, from this far off its edge to that: a spot on the road is some 2 cm, and farther away wheels,
@@ -38,13 +38,13 @@ _UNEVEN = 1.5
 _LEAST_BESIDE = 8
 #: Points later than this belong to another look: another head, or another pass, with a brightness of its own. Scan lines
 #: are 5 to 20 ms apart. [s]
-_SAME_LOOK_S = 0.05
+SAME_LOOK_S = 0.05
 #: Steps of a profile across, and how far it reaches beyond the edges of the paint. [m]
 STEP_ACROSS_M, _BEYOND_M = 0.02, 0.2
 #: Ratios are counted in steps of 5 %, from 0.1 to 20: paint is 1.3 to 10 times as bright as road.
 _RATIO_STEP, _LEAST_RATIO, N_RATIOS = 0.05, 0.1, 107
 #: Points are read by tiles of this side. [m]
-_TILE_M = 64.0
+TILE_M = 64.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ def paint_pieces(
     if not pieces:
         return PaintPieces.empty()
     middles = _middles(pieces)
-    tiles = np.floor(middles / _TILE_M).astype(np.int64)
+    tiles = np.floor(middles / TILE_M).astype(np.int64)
     found = []
     every_tile = np.unique(tiles, axis=0).tolist()
     for n_done, tile in enumerate(every_tile):
@@ -145,10 +145,10 @@ def _painted(lines: LineSet) -> Iterator[tuple[int, FloatArray]]:
 def _pieces_of(vertices: FloatArray) -> list[FloatArray]:
     """Return a line cut into pieces of equal length, about `_PIECE_M`, each with vertices every half metre."""
     along = distance_along(vertices[:, :2])
-    if along[-1] < _CHORD_M:
+    if along[-1] < PIECE_CHORD_M:
         return []
     n = max(round(along[-1] / _PIECE_M), 1)
-    per_piece = max(round(along[-1] / n / _CHORD_M), 1)
+    per_piece = max(round(along[-1] / n / PIECE_CHORD_M), 1)
     at = np.linspace(0.0, along[-1], n * per_piece + 1)
     even = np.stack([np.interp(at, along, c) for c in vertices.T], axis=1)
     return [even[a : a + per_piece + 1] for a in range(0, n * per_piece, per_piece)]
@@ -169,7 +169,9 @@ def _looked_at(
     points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
     chords = np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces])
     owner = np.repeat(np.arange(len(pieces)), [len(piece) - 1 for piece in pieces])
-    piece, across, value, time_s = _on_chords(points, chords, owner, reach)
+    on_chords = points_on_chords(points, chords, reach)
+    piece, across = owner[on_chords.chord], on_chords.across_m
+    value, time_s = on_chords.brightness, on_chords.time_s
     order = np.lexsort((value, across, time_s, piece))
     bounds = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
     on, beside = np.zeros((2, len(pieces), N_RATIOS), dtype=np.int64)
@@ -180,7 +182,7 @@ def _looked_at(
     looks: list[list[_Look]] = []
     for i, (a, b) in enumerate(pairwise(bounds.tolist())):
         here = order[a:b]
-        parts = np.split(here, np.flatnonzero(np.diff(time_s[here]) > _SAME_LOOK_S) + 1)
+        parts = np.split(here, np.flatnonzero(np.diff(time_s[here]) > SAME_LOOK_S) + 1)
         looks.append([_look_across(across[part], value[part], 0.5 * width_m[i]) for part in parts])
     sides = {
         number: _sides_of_road([look for i in np.flatnonzero(line == number).tolist() for look in looks[i]])
@@ -220,12 +222,31 @@ def _recorded(value: FloatArray) -> tuple[float, float]:
     ) else 0.0
 
 
-def _on_chords(
-    points: Points, chords: FloatArray, owner: IntArray, reach: float
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Return piece, distance across (positive to the left), brightness and time of the points on the road beside chords."""
+@dataclass(frozen=True, slots=True)
+class PointsOnChords(Columns):
+    """Points on the road on and beside chords of lines.
+
+    Parameters
+    ----------
+    chord
+        (n,) int64: number of the chord.
+    along_m, across_m
+        (n,) distance from its beginning along it, and across, positive to the left. [m]
+    brightness, time_s
+        (n,) intensity, and time [s], 0 where it is not known.
+    """
+
+    chord: IntArray = column(np.int64)
+    along_m: FloatArray = column()
+    across_m: FloatArray = column()
+    brightness: FloatArray = column()
+    time_s: FloatArray = column()
+
+
+def points_on_chords(points: Points, chords: FloatArray, reach: float) -> PointsOnChords:
+    """Return the points on the road that are nearest to each of some chords (c, 2, 3) [m], no farther off than `reach`."""
     if points.intensity is None or not len(points):
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0)
+        return PointsOnChords.empty()
     middle, half = chords.mean(axis=1), 0.5 * (chords[:, 1] - chords[:, 0])
     length = np.linalg.norm(half[:, :2], axis=1)
     tree = cKDTree(middle[:, :2])
@@ -240,7 +261,7 @@ def _on_chords(
     kept = (np.abs(along) <= length[chord]) & (np.abs(across) <= reach) & (np.abs(up) <= _NEAR_ROAD_M)
     brightness = points.intensity[near[kept]].astype(np.float64)
     time_s = np.zeros(len(brightness)) if points.time_s is None else points.time_s[near[kept]]
-    return owner[chord[kept]], across[kept], brightness, time_s
+    return PointsOnChords(chord[kept], along[kept] + length[chord[kept]], across[kept], brightness, time_s)
 
 
 class _Look(NamedTuple):
@@ -252,10 +273,10 @@ class _Look(NamedTuple):
 
 
 def _look_across(across: FloatArray, value: FloatArray, half_m: float) -> _Look:
-    return _Look(across, value, (_beside(across - half_m, value), _beside(-across - half_m, value)))
+    return _Look(across, value, (beside_paint(across - half_m, value), beside_paint(-across - half_m, value)))
 
 
-def _beside(off_m: FloatArray, value: FloatArray) -> FloatArray:
+def beside_paint(off_m: FloatArray, value: FloatArray) -> FloatArray:
     """Return the brightness of the points beside paint on one side, by their distance from its edge; of few, the nearest."""
     reach = np.flatnonzero((off_m >= _BESIDE_M[0]) & (off_m <= _REACH_M))
     near = reach[off_m[reach] <= _BESIDE_M[1]]

@@ -13,6 +13,7 @@ import numpy as np
 from linework.errors import UsageError, argument
 from linework.evaluation.chainage.bends import with_bends
 from linework.evaluation.chainage.crossings import Crossing, crossings_at
+from linework.evaluation.chainage.dash_ends import DashEnds
 from linework.evaluation.chainage.dashes_along import dash_samples
 from linework.evaluation.chainage.paint_along import paint_samples
 from linework.evaluation.chainage.paint_points import PaintPieces
@@ -111,6 +112,7 @@ def chainage_report(
     every_m: float = 10.0,
     standard: str = "",
     paint: PaintPieces | None = None,
+    dashes: DashEnds | None = None,
 ) -> ChainageReport:
     """Return what can be measured between lines, by intervals of routes.
 
@@ -122,6 +124,8 @@ def chainage_report(
         One of `LIMITS`, or "" for no limits.
     paint
         What the points show on the markings, for what is left of them; None: not reported.
+    dashes
+        What the points show at the ends of dashes; None: their lengths are those of the lines.
 
     Raises
     ------
@@ -142,7 +146,8 @@ def chainage_report(
         here = crossings_at(lines, cross_cuts(lines, axis), len(axis.station_m))
         crossings.append(here)
         samples = chain(
-            with_bends(station_samples(axis, here)), clearance_samples(lines, axis, here), dash_samples(lines, axis),
+            with_bends(station_samples(axis, here)), clearance_samples(lines, axis, here),
+            dash_samples(lines, axis, dashes),
             shape_samples(axis), _gap_samples(axis, here),
             paint_samples(lines, axis, paint) if paint is not None else (),
         )  # fmt: skip

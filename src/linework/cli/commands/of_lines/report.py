@@ -92,13 +92,13 @@ def report_command(
         else:
             axes = own_routes(found)
             named = "the lines themselves: " + ", ".join(axis.name for axis in axes)
-        paint = None
+        paint, dashes = None, None
         if survey:
-            paint = LinesAndPoints(
+            paint, dashes = LinesAndPoints(
                 lines=found, paths=survey, options=("survey",), crs=crs, allow_outside=allow_outside,
                 allow_remote=allow_remote, work=work, quiet=quiet,
-            ).paint()  # fmt: skip
-        result = chainage_report(found, axes, every_m=every, standard=standard, paint=paint)
+            ).paint_and_dashes()  # fmt: skip
+        result = chainage_report(found, axes, every_m=every, standard=standard, paint=paint, dashes=dashes)
         if suffix == ".html":
             from linework.crs import describe_crs
             from linework.evaluation.chainage.page import chainage_page

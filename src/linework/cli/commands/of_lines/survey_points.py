@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from linework.evaluation.chainage.dash_ends import DashEnds
     from linework.evaluation.chainage.paint_points import PaintPieces
     from linework.evaluation.changes.ground_seen import GroundAtPlaces, LookAtPlaces, Places
     from linework.model.grid import Bounds
@@ -57,14 +58,41 @@ class LinesAndPoints:
         InputError
             The survey is in another CRS than the lines, or has no intensities.
         """
-        from linework.cli.failures import warn
         from linework.evaluation.chainage.paint_points import paint_pieces
+
+        with (
+            self._with_paint() as (points_in, steps),
+            steps.step("look at the paint", unit="tiles") as advance,
+        ):
+            return paint_pieces(self.lines, points_in, advance)
+
+    def paint_and_dashes(self) -> tuple[PaintPieces, DashEnds]:
+        """Return what the points show on the markings, and at the ends of their dashes.
+
+        Raises
+        ------
+        InputError
+            As for `paint`.
+        """
+        from linework.evaluation.chainage.dash_ends import ends_of_dashes
+        from linework.evaluation.chainage.paint_along import least_paint_ratios
+        from linework.evaluation.chainage.paint_points import paint_pieces
+
+        with self._with_paint() as (points_in, steps):
+            with steps.step("look at the paint", unit="tiles") as advance:
+                paint = paint_pieces(self.lines, points_in, advance)
+            with steps.step("look at the dashes", unit="tiles") as advance:
+                return paint, ends_of_dashes(self.lines, least_paint_ratios(paint), points_in, advance)
+
+    @contextmanager
+    def _with_paint(self) -> Iterator[tuple[Callable[[Bounds], Points], RunSteps]]:
+        """Open the survey for its paint, and say what is wrong with it."""
+        from linework.cli.failures import warn
 
         with self._opened(seeks_paint=True) as (points_in, steps, warnings):
             for warning in warnings:
                 warn(warning)
-            with steps.step("look at the paint", unit="tiles") as advance:
-                return paint_pieces(self.lines, points_in, advance)
+            yield points_in, steps
 
     def look(self, places: Places) -> GroundAtPlaces:
         """Return what the points show of the ground around each of the places, see `look_at_ground`.
