@@ -130,3 +130,12 @@ def test_the_period_is_not_twice_as_long_where_every_second_dash_was_cut_longer(
     # A single dash is a stray
     rhythm = rhythm_of_whole(np.array(sorted([*dashes[::2], dashes[1]])))
     assert (rhythm.dash_m, rhythm.gap_m) == pytest.approx((6.2, 29.8))
+
+
+def test_three_whole_dashes_with_worn_ones_between_are_no_rhythm_of_their_own():
+    """The first 80 m have whole dashes every 27 m, and two worn ones between; the marking has one every 9 m."""
+    length = {1: 3.0, 2: 1.0, 4: 3.0, 5: 1.3, 7: 3.0} | dict.fromkeys(range(12, 40), 3.0)
+    dashes = [(9.0 * k, 9.0 * k + length_m) for k, length_m in length.items()]
+    report = chainage_report(*along_of(dashes), every_m=10.0)
+    gaps = [row.value for row in rows_of(report, "gap_length") if row.value is not None]
+    assert len(gaps) > 10 and gaps == pytest.approx([6.0] * len(gaps), abs=0.1)

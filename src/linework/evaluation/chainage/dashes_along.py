@@ -62,7 +62,7 @@ def dash_samples(lines: LineSet, axis: Axis, ends: DashEnds | None = None) -> It
         for i in np.flatnonzero(away <= _FAR_M).tolist():
             s = float(axis.station_m[station[i]])
             offset = float((places[i] - axis.xyz[station[i], :2]) @ axis.left[station[i]])
-            rhythm = _rhythm_at(rhythm_of_whole(along[np.abs(middle - middle[i]) <= _ABOUT_M]), of_all)
+            rhythm = _rhythm_at(_rhythm_near(along[np.abs(middle - middle[i]) <= _ABOUT_M], of_all), of_all)
             rhythm = seen.get(i, rhythm)
             is_known = rhythm is not None and along[i, 1] - along[i, 0] <= rhythm.dash_m + ALIKE_DASHES_M
             # Of a dash at a hidden stretch a part may be hidden
@@ -102,7 +102,7 @@ def _lengths_by_points(
     found: list[tuple[IntArray, DashesOfStretch]] = []
     for k in np.unique(stretch).tolist():
         here = np.flatnonzero(stretch == k)
-        near = rhythm_of_whole(along[here])
+        near = _rhythm_near(along[here], of_all)
         if near is None or abs(near.dash_m - of_all.dash_m) > ALIKE_DASHES_M:
             near = of_all
         rhythm = MarkingRhythm(of_all.dash_m, near.dash_m + near.gap_m - of_all.dash_m)
@@ -117,6 +117,19 @@ def _lengths_by_points(
         rhythm = MarkingRhythm(dash.value_m, period.value_m - dash.value_m, dash.sigma_m, gap_sigma)
         lengths |= dict.fromkeys(here.tolist(), rhythm)
     return lengths
+
+
+def _rhythm_near(along: FloatArray, of_all: MarkingRhythm | None) -> MarkingRhythm | None:
+    """Return the rhythm of some dashes (k, 2) of a marking; None where it is that of every second or third of its dashes.
+
+    Of a few dashes three whole ones may be two periods apart each, with worn ones between.
+    """
+    near = rhythm_of_whole(along)
+    if near is None or of_all is None:
+        return near
+    period, usual = near.dash_m + near.gap_m, of_all.dash_m + of_all.gap_m
+    times = round(period / usual)
+    return None if times >= 2 and abs(period - times * usual) <= times * ALIKE_DASHES_M else near
 
 
 def _rhythm_at(near: MarkingRhythm | None, of_all: MarkingRhythm | None) -> MarkingRhythm | None:
