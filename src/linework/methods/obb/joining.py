@@ -13,6 +13,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.cells.places import BOX_CELL_M
+from linework.methods.obb.beside_paint import without_remains, without_strips
 from linework.methods.obb.boundary_evidence import (
     evidence_of,
     has_dashes_behind,
@@ -39,12 +40,9 @@ from linework.methods.protocol import Sight, SurveyContext
 from linework.methods.tracking import boundary_lines, marking_lines
 from linework.methods.tracking.against_paint import (
     NARROW,
-    STRIP_BESIDE,
     BrightStrips,
     bare_road,
-    chances_beside_paint,
     is_other_strip,
-    median_contrast,
 )
 from linework.methods.tracking.arrangement import (
     BEHIND_KERB_M,
@@ -68,7 +66,6 @@ from linework.methods.tracking.arrangement import (
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.channels import has_footway_behind, on_channels, within_carriageway
 from linework.methods.tracking.edge_roles import edge_roles
-from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
 from linework.methods.tracking.guides import LEAST_GUIDE_M, by_length, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
 from linework.methods.tracking.mouths import Mouths
@@ -241,30 +238,18 @@ def find_paint(now: Joining) -> Joining:
     long = [c for c in axes_of_lines(markings) if len(c.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     sides = half_lane_sides(axes_of_lines(markings), [*long, *axes_of_lines(now.boundaries)], HALF_LANE_M)
     markings, symbols, rows = marking_lines.without_symbols(stripes, markings, sides, now.is_visible, strips)
-    other = [*other, *bars, *symbols]
+    other = [*other, *symbols]
     rails = [m for m in unlikely if m.why_unlikely == NARROW]
-    markings, stone = _without_strips(markings, stripes, rails)
-    now = _aside(now, left_out(stone, "lane_marking", STRIP_BESIDE))
+    markings, stone = without_strips(markings, axes_of_lines(markings), stripes, rails, axes_of_lines(rails))
+    markings, other, remains = without_remains(markings, other, axes_of_lines([*markings, *other]), stripes)
+    now = _aside(now, [*stone, *remains])
     if now.keeps_candidates:
         stones = now.boxes[BoxForm.STRIPE].take(on_stone[BoxForm.STRIPE])
         tracks = track_lines(stones, config, width_m=SAME_PAINT_BOXES_M)
         found, *_ = marking_lines.marking_lines(stones, tracks, now.is_visible)
         now = _aside(now, left_out(found, "lane_marking", KERB_STONE))
         now = _aside(now, [Candidate(line, "lane_marking", line.why_unlikely) for line in [*unlikely, *rows]])
-    return replace(now, markings=markings, other=other)
-
-
-def _without_strips(
-    markings: Sequence[SmoothMarking], stripes: BoxSet, rails: Sequence[SmoothMarking]
-) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
-    """Return markings that are paint beside others, as sure as that leaves them, and strips of stone beside paint or rails."""
-    known, is_rail = [*markings, *rails], np.arange(len(markings) + len(rails)) >= len(markings)
-    contrast = np.array([median_contrast(stripes, m.boxes) for m in known])
-    width_m, confidence = (np.array([getattr(m, name) for m in known]) for name in ("width_m", "confidence"))
-    chances = chances_beside_paint(axes_of_lines(known), contrast, width_m, confidence, is_rail).tolist()
-    each = list(zip(markings, chances[: len(markings)], strict=True))
-    paint = [replace(m, confidence=m.confidence * c) for m, c in each if c >= LEAST_PIECE_SCORE]
-    return paint, [m for m, c in each if c < LEAST_PIECE_SCORE]
+    return replace(now, markings=markings, other=[*other, *bars])
 
 
 def keep_consistent(now: Joining) -> Joining:
