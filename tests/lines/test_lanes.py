@@ -74,34 +74,6 @@ def test_a_centre_line_alone_has_lanes_on_both_sides_up_to_the_boundaries():
     assert len(find_lanes(road(left, right))) == 0
 
 
-def test_a_lane_to_the_verge_is_less_sure_where_an_edge_line_may_not_have_been_found():
-    """With an edge line on one side there may be one on the other, 0.2 to 0.4 m inside, unless a kerb is there."""
-    verge = ("verge", "road_boundary", -3.7, "", "")
-    lines = road(EDGE, CENTRE, verge)
-    open_, kerb = find_lanes(lines), find_lanes(lines.with_columns(form=["", "", "kerb"]))
-    for lanes in (open_, kerb):
-        assert {frozenset(p) for p in pairs(lanes)} == {
-            frozenset({"centre", "edge"}),
-            frozenset({"centre", "verge"}),
-        }
-    is_verge = ["verge" in pair for pair in zip(open_.left_id, open_.right_id, strict=True)]
-    order = np.argsort(is_verge)
-    assert open_.centre.confidence[order].tolist() == [1.0, 0.5] and set(kerb.centre.confidence) == {1.0}
-    assert open_.sigma_width_m[order] == pytest.approx([0.014, 0.21], abs=0.001)
-
-
-def test_a_short_edge_of_the_pavement_is_not_enough_where_an_edge_line_may_be_missing():
-    verge = ("verge", "road_boundary", lambda x: np.where(x < 15, -3.0, np.nan), "", "")
-    assert pairs(find_lanes(road(EDGE, CENTRE, verge))) == pairs(find_lanes(road(EDGE, CENTRE)))
-    # So does a long one of which as little was measured
-    whole = ("verge", "road_boundary", -3.0, "", "")
-    bridged = np.concatenate([np.zeros(202, dtype=bool), X > 15])
-    assert pairs(find_lanes(road(EDGE, CENTRE, whole, bridged=bridged))) == pairs(
-        find_lanes(road(EDGE, CENTRE))
-    )
-    assert len(find_lanes(road(EDGE, CENTRE, whole))) == 2
-
-
 def test_short_paint_bounds_a_lane_where_it_goes_on():
     """Fifteen metres alone may be a bay; two pieces in one line are a line that is hidden between them."""
 

@@ -147,6 +147,7 @@ class BoundEvidence:
         self._is_double = has_role & lines.double
         self._may_be_alone = has_role
         self._is_edge = lines.role == "edge"
+        self._pattern = lines.pattern
         self._is_unlikely = lines.confidence < _LIKELY
         self._is_kerb = lines.form == "kerb"
         self._is_unknown = self._is_paint & (lines.role == "")
@@ -201,7 +202,9 @@ class BoundEvidence:
                     and _DOUBLE_M < apart <= LANE_LIMITS_M[1]
                 ):
                     self._accompanied |= {a.line, b.line}
-                    self._beside_edge |= {x.line for x, y in ((a, b), (b, a)) if self._is_edge[y.line]}
+                    self._beside_edge |= {
+                        x.line for x, y in ((a, b), (b, a)) if self._may_be_edge(x.line, y.line)
+                    }
                 if (
                     self._is_paint[a.line]
                     and self._is_paint[b.line]
@@ -377,6 +380,15 @@ class BoundEvidence:
             any(line in self._beside_edge for line in pair)
             and sum(bool(self._is_paint[line]) for line in pair) == 1
             and not any(self._is_kerb[line] for line in pair)
+        )
+
+    def _may_be_edge(self, paint: int, other: int) -> bool:
+        """Return whether the other of two lines of a lane is an edge line, or may be: solid, beside a dashed one.
+
+        Of a carriageway whose other half is hidden it is not seen which of its lines is which.
+        """
+        return bool(
+            self._is_edge[other] or (self._pattern[paint] == "dashed" and self._pattern[other] == "solid")
         )
 
     def has(self, pair: tuple[int, int]) -> bool:
