@@ -42,8 +42,9 @@ ROADS = ("straight", "bends", "urban", "motorway", "rural", "village")
 EVERY_M = 10.0
 #: The road beside paint is that about this far from its edge. [m]
 BESIDE_M = 0.11
-#: Places along a wire, to tell which one it is. [m]
-PLACES_M = 0.25
+#: Lines of which several are near to each other, and places along them, to tell which one each is. [m]
+RAILS = ("guardrail", "barrier")
+WHICH, PLACES_M = (("cable",), RAILS), 0.25
 #: Samples of the same place are this near to each other. [m]
 SAME_M = 0.6
 
@@ -90,8 +91,8 @@ def measure(survey, errors):
     pieces = paint_pieces(lines, points_in)
     dashes = ends_of_dashes(lines, least_paint_ratios(pieces), points_in)
     for axis in axes:
-        exact = by_quantity(truth, axis, own_wires(truth, truth), is_lowest_only=True)
-        found = by_quantity(lines, axis, own_wires(lines, truth), dashes=dashes)
+        exact = by_quantity(truth, axis, own_lines(truth, truth), is_lowest_only=True)
+        found = by_quantity(lines, axis, own_lines(lines, truth), dashes=dashes)
         for key, places in exact.items():
             add_errors(places, found.get(key, []), errors[key[:2]])
     for axis in axes:
@@ -176,39 +177,41 @@ def in_bounds(points):
     return inside
 
 
-def own_wires(lines, truth):
-    """Return the exact wire that each wire is, by its name: the one that is nearest to most of its places.
+def own_lines(lines, truth):
+    """Return the exact wire or rail that each one is, by its name: the one that is nearest to most of its places.
 
-    Wires hang 0.3 m and more above each other: where the lowest one is hidden, that above it is no measure of it.
+    Wires hang 0.3 m and more above each other, and beams of a median stand 0.35 m behind each other: where one is hidden,
+    the other is no measure of it.
     """
-    exact = list(wire_places(truth))
-    if not exact:
-        return {name: "" for name, _ in wire_places(lines)}
-    tree = cKDTree(np.concatenate([places for _, places in exact]))
-    owner = np.repeat(np.arange(len(exact)), [len(places) for _, places in exact])
-    return {
-        name: exact[np.bincount(owner[tree.query(places)[1]]).argmax()][0]
-        for name, places in wire_places(lines)
-    }
+    owners = {}
+    for kinds in WHICH:
+        exact = list(places_by_name(truth, kinds))
+        tree = cKDTree(np.concatenate([places for _, places in exact])) if exact else None
+        owner = np.repeat(np.arange(len(exact)), [len(places) for _, places in exact])
+        for name, places in places_by_name(lines, kinds):
+            nearest = np.bincount(owner[tree.query(places)[1]]).argmax() if exact else None
+            owners[name] = exact[nearest][0] if exact else ""
+    return owners
 
 
-def wire_places(lines):
-    """Yield the name of each wire as samples have it, and places along it."""
-    for i in np.flatnonzero(lines.kind == "cable").tolist():
+def places_by_name(lines, kinds):
+    """Yield the name of each line of some kinds as samples have it, and places along it."""
+    for i in np.flatnonzero(np.isin(lines.kind, kinds)).tolist():
         shape = shapely.segmentize(shapely.linestrings(lines[i].xyz), PLACES_M)
         yield str(lines.id[i]) or f"line {i + 1}", shapely.get_coordinates(shape, include_z=True)
 
 
-def by_quantity(lines, axis, wires, *, is_lowest_only=False, dashes=None):
-    """Return all samples by topic, quantity and wire: the least clearance of each wire at a place, or of the lowest one only."""
+def by_quantity(lines, axis, owners, *, is_lowest_only=False, dashes=None):
+    """Return all samples by topic, quantity, and wire or rail: the least clearance of each wire at a place, or of the lowest one only."""
     crossings = crossings_at(lines, cross_cuts(lines, axis), len(axis.station_m))
     found = defaultdict(list)
     for samples in (with_bends(station_samples(axis, crossings)), dash_samples(lines, axis, dashes)):
         for sample in samples:
-            found[sample.topic, sample.quantity, ""].append(sample)
+            own = owners.get(sample.line, "") if sample.topic in RAILS else ""
+            found[sample.topic, sample.quantity, own].append(sample)
     lowest = {}
     for one in clearance_samples(lines, axis, crossings):
-        wire = wires[one.line.split(" over ")[0]]
+        wire = owners[one.line.split(" over ")[0]]
         key = one.station_m, round(one.offset_m, 1), "" if is_lowest_only else wire
         if one.value is not None and (key not in lowest or one.value < lowest[key][1].value):
             lowest[key] = wire, one
