@@ -47,3 +47,17 @@ def test_a_solid_line_beside_dashes_may_be_an_edge_line_whatever_its_role():
     long = ("verge", "road_boundary", -4.4, "", "")
     lanes = find_lanes(road(solid, CENTRE, long))
     assert sorted(lanes.centre.confidence.tolist()) == [0.5, 1.0]
+
+
+def test_a_hard_shoulder_is_no_lane_whatever_the_role_of_its_line():
+    """What passes for a double centre line is the edge line of a carriageway, with 2.4 m of shoulder behind it."""
+    edge = ("solid", "lane_marking", 3.7, "centre", "solid")
+    shoulder, lane = (("verge", "road_boundary", offset, "", "") for offset in (6.1, 7.2))
+    double = np.array([True, False, False])
+    inner = {frozenset({"solid", "centre"})}
+    assert {frozenset(p) for p in pairs(find_lanes(road(edge, CENTRE, shoulder, double=double)))} == inner
+    # As wide as the lane beside it, to 0.25 m, it is one: so is a narrow one to a kerb
+    wide = find_lanes(road(edge, CENTRE, lane, double=double))
+    kerb = find_lanes(road(edge, CENTRE, shoulder, double=double, form=["", "", "kerb"]))
+    for lanes in (wide, kerb):
+        assert {frozenset(p) for p in pairs(lanes)} == {*inner, frozenset({"solid", "verge"})}

@@ -49,6 +49,8 @@ _LIKELY = 0.5
 #: lane that is no part of it, or its end was found elsewhere: a cyclist takes 1.0 m, a footway 1.5 m and a parked car 1.8 m
 #: at least (Germany's RASt 06). [m]
 _STRIP_M = 1.0
+#: Lanes of a carriageway differ by this at most (3.75 and 3.25 m, Germany's RAA); hard shoulders are narrower. [m]
+_LANES_ALIKE_M = 0.5
 #: Widths of a lane: what a car of 1.8 m needs with 0.2 m on both sides, and from twice that on there is room for two
 #: rows of vehicles, as where the line between two lanes is worn away. [m]
 SINGLE_LANE_M = (2.2, 4.4)
@@ -167,6 +169,7 @@ class BoundEvidence:
         self._continued_by: dict[int, set[int]] = defaultdict(set)
         self._inside: dict[tuple[int, int], set[int]] = defaultdict(set)
         self._with_strip: set[tuple[int, int]] = set()
+        self._shoulders: set[tuple[int, int]] = set()
 
     def paint(self, rows: Sequence[Sequence[Bound]]) -> PaintDistances:
         """Return the paint among what crosses the perpendiculars of a road."""
@@ -196,30 +199,19 @@ class BoundEvidence:
             for i, j in combinations(range(len(here)), 2):
                 a, b = here[i], here[j]
                 apart = b.offset_m - a.offset_m
-                if (
-                    self._is_paint[a.line]
-                    and self._is_paint[b.line]
-                    and _DOUBLE_M < apart <= LANE_LIMITS_M[1]
-                ):
+                are_paint = bool(self._is_paint[a.line] and self._is_paint[b.line])
+                if are_paint and _DOUBLE_M < apart <= LANE_LIMITS_M[1]:
                     self._accompanied |= {a.line, b.line}
                     self._beside_edge |= {
                         x.line for x, y in ((a, b), (b, a)) if self._may_be_edge(x.line, y.line)
                     }
-                if (
-                    self._is_paint[a.line]
-                    and self._is_paint[b.line]
-                    and STRAY_PAINT_M[0] < apart < LANE_LIMITS_M[0]
-                ):
+                if are_paint and STRAY_PAINT_M[0] < apart < LANE_LIMITS_M[0]:
                     shorter = min((a.line, b.line), key=lambda i: (i not in within, self._size[i]))
                     shorter_here.add(shorter)
                     if apart < STRAY_PAINT_M[1]:
                         near_here.add(shorter)
                         wide.add(a, b)
-                if (
-                    self._is_paint[a.line]
-                    and self._is_paint[b.line]
-                    and TWO_STRIPES_M[0] <= apart <= TWO_STRIPES_M[1]
-                ):
+                if are_paint and TWO_STRIPES_M[0] <= apart <= TWO_STRIPES_M[1]:
                     pairs.add(a, b)
                 # Paint and a boundary with other paint between them: an edge line, which may be worn away elsewhere
                 is_mixed = bool(self._is_paint[a.line]) != bool(self._is_paint[b.line])
@@ -341,17 +333,27 @@ class BoundEvidence:
                     self._continued_by[b].add(a)
 
     def _add_sides(self, rows: Sequence[Sequence[Bound]]) -> None:
-        """Take in which spaces between paint and the end of the carriageway are a strip wider than those opposite."""
+        """Take in which spaces between paint and the end of the carriageway are wider than those opposite, or shoulders."""
         widths: dict[tuple[int, bool], dict[tuple[int, int], list[float]]] = defaultdict(
             lambda: defaultdict(list)
         )
+        lanes: dict[tuple[int, bool], list[float]] = defaultdict(list)
         for here in rows:
             for right, left in pairwise(here):
+                width = left.offset_m - right.offset_m
                 if bool(self._is_paint[right.line]) != bool(self._is_paint[left.line]):
                     is_left = bool(self._is_paint[right.line])
                     paint = right.line if is_left else left.line
-                    widths[paint, is_left][right.line, left.line].append(left.offset_m - right.offset_m)
+                    widths[paint, is_left][right.line, left.line].append(width)
+                elif self._is_paint[right.line] and LANE_LIMITS_M[0] <= width <= LANE_LIMITS_M[1]:
+                    lanes[right.line, True].append(width)
+                    lanes[left.line, False].append(width)
         for (paint, is_left), pairs in widths.items():
+            beside = lanes.get((paint, not is_left))
+            if beside and self._pattern[paint] == "solid":
+                least_m = float(np.median(beside)) - _LANES_ALIKE_M
+                narrow = {pair for pair, listed in pairs.items() if np.median(listed) < least_m}
+                self._shoulders |= {pair for pair in narrow if not self._is_kerb[list(pair)].any()}
             opposite = [width for listed in widths.get((paint, not is_left), {}).values() for width in listed]
             if opposite:
                 most_m = float(np.median(opposite)) + _STRIP_M
@@ -393,9 +395,9 @@ class BoundEvidence:
 
     def has(self, pair: tuple[int, int]) -> bool:
         """Return whether two neighbouring lines bound no lane."""
-        if any(self._is_unlikely[line] for line in pair):
-            return True
         paint = [line for line in pair if self._is_paint[line]]
+        if any(self._is_unlikely[line] for line in pair) or pair in self._shoulders:
+            return True
         if any(self._is_short(line) for line in paint) or self._inside.get(pair, set()) - self.strays:
             return True
         if len(paint) != 1:
