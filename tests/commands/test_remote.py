@@ -97,7 +97,8 @@ def test_a_killed_run_goes_on_to_the_same_bytes(linework, away, lines, tmp_path)
         start_new_session=True,
         stderr=subprocess.DEVNULL,
     ) as process:
-        deadline = time.monotonic() + 120.0
+        # Ends a hang, and is no measure of speed
+        deadline = time.monotonic() + 600.0
         # Killed when tiles have been done
         while not list(tmp_path.glob("work/runs/*/tiles/*")) and process.poll() is None:
             assert time.monotonic() < deadline
