@@ -66,13 +66,7 @@ from linework.methods.tracking.arrangement import (
 from linework.methods.tracking.boundary_lines import SmoothBoundary
 from linework.methods.tracking.channels import has_footway_behind, on_channels, within_carriageway
 from linework.methods.tracking.edge_roles import edge_roles
-from linework.methods.tracking.guides import (
-    LEAST_GUIDE_M,
-    by_length,
-    cut_at_jumps,
-    drop_unlikely_pieces,
-    join_along,
-)
+from linework.methods.tracking.guides import LEAST_GUIDE_M, by_length, drop_unlikely_pieces, join_along
 from linework.methods.tracking.marking_lines import SmoothMarking
 from linework.methods.tracking.mouths import Mouths
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis, axes_of_path, half_lane_sides
@@ -234,9 +228,7 @@ def find_paint(now: Joining) -> Joining:
     whole, *_ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible, strips)
     # Paint is drawn parallel to paint, edges of pavements are ragged, and vans wander
     guides = [*by_length([*axes_of_lines(now.boundaries), *now.path]), *by_length(axes_of_lines(whole))]
-    solid = by_length(axes_of_lines([m for m in whole if m.rhythm is None]))
-    cut = cut_at_jumps(stripes, pieces, solid)
-    lines = join_along(stripes, cut.tracks, [*guides, *solid], config.longest_gap_m, cut.links).with_boxes(3)
+    lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
     blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
     # Lines end at mouths, where the boundaries beside them are open
     mouths = Mouths(axes_of_lines(now.boundaries), now.is_visible)

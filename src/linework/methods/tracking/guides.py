@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import BoolArray, FloatArray, IntArray, offsets_of
+from linework.arrays import FloatArray, IntArray, offsets_of
 from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
-from linework.methods.tracking.line_ends import SHORT_GAP_M
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxSet
@@ -45,78 +44,8 @@ class _Ends:
     end: tuple[float, float]
     is_turned: bool
 
-    def at(self, *, is_last: bool) -> tuple[float, float]:
-        """Return chainage and offset of the piece's last end, or its first one."""
-        return self.end if is_last != self.is_turned else self.start
 
-
-@dataclass(frozen=True, slots=True)
-class Jumps:
-    """Tracks cut where they jump from one line to another beside it, and what joined them.
-
-    Parameters
-    ----------
-    tracks
-        The pieces, in the order of the tracks.
-    links
-        (cost [m], end, end) of each cut; the ends of piece i are 2 i and 2 i + 1.
-    """
-
-    tracks: Tracks
-    links: Sequence[tuple[float, int, int]] = ()
-
-
-def cut_at_jumps(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis]) -> Jumps:
-    """Return the tracks, cut in gaps that they cross at an angle to the line beside them.
-
-    Where two dashed lines lie side by side, old and new, a dash leads as well to the one as to the other: its direction is
-    not known well enough. The distance from a solid line beside them is.
-
-    Parameters
-    ----------
-    guides
-        Axes of lines that were measured all along, the longest last.
-    """
-    long = [g for g in guides if len(g.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
-    if not long or len(tracks) == 0:
-        return Jumps(tracks)
-    is_start = np.zeros(len(tracks.box), dtype=np.bool_)
-    is_start[tracks.offsets[:-1]] = True
-    is_gap = ~is_start
-    step = np.linalg.norm(np.diff(boxes.centre[tracks.box, :2], axis=0), axis=1)
-    reach = boxes.half_u_m[tracks.box]
-    is_gap[1:] &= step - reach[1:] - reach[:-1] > SHORT_GAP_M
-    parts = _split(tracks, is_start | is_gap)
-    ends = _ends_on_guides(boxes, parts, long)
-    jump_m = np.zeros(len(tracks.box))
-    for k in np.flatnonzero(is_gap[parts.offsets[:-1]]).tolist():
-        jump_m[parts.offsets[k]] = _jump_cost(ends[k - 1], ends[k])
-    cut = _split(tracks, is_start | (jump_m > 0.0))
-    cost = jump_m[cut.offsets[:-1]]
-    return Jumps(cut, [(float(cost[k]), 2 * k - 1, 2 * k) for k in np.flatnonzero(cost).tolist()])
-
-
-def _split(tracks: Tracks, is_start: BoolArray) -> Tracks:
-    """Return the tracks cut before boxes (n,), the first ones of tracks among them."""
-    return Tracks(tracks.box, tracks.sense, np.append(np.flatnonzero(is_start), len(tracks.box)))
-
-
-def _jump_cost(before: _Ends | None, behind: _Ends | None) -> float:
-    """Return what it costs to join two pieces that are not of one line [m], 0 where they may be of one."""
-    if before is None or behind is None or before.guide != behind.guide:
-        return 0.0
-    (from_m, from_off), (to_m, to_off) = before.at(is_last=True), behind.at(is_last=False)
-    gap, off = abs(to_m - from_m), abs(to_off - from_off)
-    return gap + off / OFFSET_PER_M if off > OFFSET_M + OFFSET_PER_M * gap else 0.0
-
-
-def join_along(
-    boxes: BoxSet,
-    tracks: Tracks,
-    guides: Sequence[LineAxis],
-    longest_gap_m: float,
-    links: Sequence[tuple[float, int, int]] = (),
-) -> Tracks:
+def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis], longest_gap_m: float) -> Tracks:
     """Return the tracks, joined where guides show that they are pieces of one line.
 
     Parameters
@@ -127,14 +56,12 @@ def join_along(
         Axes of lines, those that are most surely parallel to paint last; short ones are left out.
     longest_gap_m
         Longest gap between two pieces of a line. [m]
-    links
-        What joins them already, and what it costs, see `Jumps`: it holds where nothing fits better.
     """
     long = [g for g in guides if len(g.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     if not long or len(tracks) == 0:
         return tracks
     ends = _ends_on_guides(boxes, tracks, long)
-    partner = _partners([*links, *_pairs(ends, longest_gap_m)])
+    partner = _partners(ends, longest_gap_m)
     return _chained(tracks, ends, partner)
 
 
@@ -189,8 +116,8 @@ def _spacing(guide: LineAxis) -> float:
     return float(np.hypot(*np.diff(guide.xy, axis=0).T).mean()) if len(guide.xy) > 1 else AXIS_STATION_M
 
 
-def _pairs(ends: Sequence[_Ends | None], longest_gap_m: float) -> list[tuple[float, int, int]]:
-    """Return the ends of pieces that may continue each other, and what it costs to join them [m]."""
+def _partners(ends: Sequence[_Ends | None], longest_gap_m: float) -> dict[int, int]:
+    """Return for each piece the one that continues it, the nearest in chainage and offset first."""
     by_guide: dict[int, list[int]] = {}
     for i, e in enumerate(ends):
         if e is not None:
@@ -208,51 +135,36 @@ def _pairs(ends: Sequence[_Ends | None], longest_gap_m: float) -> list[tuple[flo
             off = np.abs(start[after, 1] - e.end[1])
             fits = (off <= OFFSET_M + OFFSET_PER_M * gap) & (after != k)
             cost = gap + off / OFFSET_PER_M
-            last = 2 * members[k] + (not e.is_turned)
-            for j in np.flatnonzero(fits).tolist():
-                other = int(after[j])
-                pairs.append((float(cost[j]), last, 2 * members[other] + known[other].is_turned))
-    return pairs
-
-
-def _partners(pairs: Sequence[tuple[float, int, int]]) -> dict[int, int]:
-    """Return for each end of a piece the one that continues it, the nearest in chainage and offset first."""
-    partner: dict[int, int] = {}
+            pairs += [(float(cost[j]), members[k], members[int(after[j])]) for j in np.flatnonzero(fits)]
+    follows: dict[int, int] = {}
+    taken: set[int] = set()
     for _, a, b in sorted(pairs):
-        if a not in partner and b not in partner:
-            partner[a], partner[b] = b, a
-    return partner
+        if a not in follows and b not in taken:
+            follows[a] = b
+            taken.add(b)
+    return follows
 
 
-def _chained(tracks: Tracks, ends: Sequence[_Ends | None], partner: dict[int, int]) -> Tracks:
-    """Return the pieces joined as their ends are, each line along its guide."""
-    done: BoolArray = np.zeros(len(tracks), dtype=np.bool_)
+def _chained(tracks: Tracks, ends: Sequence[_Ends | None], follows: dict[int, int]) -> Tracks:
+    """Return the pieces joined as they follow each other."""
+    begun = set(follows.values())
     box: list[IntArray] = []
     sense: list[FloatArray] = []
     lengths = []
-    # Ends without a partner first: only rings are left for the second round
-    for start in [e for e in range(2 * len(tracks)) if e not in partner] + list(range(2 * len(tracks))):
-        chain: list[int] = []
-        end: int | None = start
-        while end is not None and not done[end // 2]:
-            done[end // 2] = True
-            chain.append(end)
-            end = partner.get(end ^ 1)
-        if not chain or max(len(tracks.line(e // 2)[0]) for e in chain) < LEAST_BOXES:
+    for i in range(len(tracks)):
+        if i in begun:
             continue
-        for e in _along_guide(chain, ends):
-            own, senses = tracks.line(e // 2)
-            box.append(own[::-1] if e % 2 else own)
-            sense.append(-senses[::-1] if e % 2 else senses)
-        lengths.append(sum(len(tracks.line(e // 2)[0]) for e in chain))
+        chain = [i]
+        while chain[-1] in follows:
+            chain.append(follows[chain[-1]])
+        pieces = [tracks.line(k) for k in chain]
+        if max(len(own) for own, _ in pieces) < LEAST_BOXES:
+            continue
+        for k, (own, senses) in zip(chain, pieces, strict=True):
+            e = ends[k]
+            turned = e is not None and e.is_turned
+            box.append(own[::-1] if turned else own)
+            sense.append(-senses[::-1] if turned else senses)
+        lengths.append(sum(len(own) for own, _ in pieces))
     no_box, no_sense = np.zeros(0, np.int64), np.zeros(0)
     return Tracks(np.concatenate([no_box, *box]), np.concatenate([no_sense, *sense]), offsets_of(lengths))
-
-
-def _along_guide(chain: Sequence[int], ends: Sequence[_Ends | None]) -> list[int]:
-    """Return a chain, given by the end of each piece that it enters by, as its first piece with a guide runs along that."""
-    for e in chain:
-        known = ends[e // 2]
-        if known is not None:
-            return list(chain) if bool(e % 2) == known.is_turned else [e ^ 1 for e in reversed(chain)]
-    return list(chain)
