@@ -144,6 +144,11 @@ def test_lines_alone_say_nothing_of_what_cuts_all_dashes_alike():
     assert row.value == pytest.approx(DASH_M + 0.1) and row.sigma < 0.02
 
 
+def test_where_lines_and_points_disagree_the_length_is_unknown():
+    """Lengths are compared up to 0.6 m from that of the lines: beyond, the end of that range is no measurement."""
+    assert length_of(marking(DASH_M - 0.9), cloud(0.163)) == (None, None)
+
+
 def test_worn_ends_do_not_shorten_dashes():
     # Lines restore worn dashes like each other, here 20 cm too short
     errors = []

@@ -14,6 +14,8 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.evaluation.chainage.paint_points import (
+    LEAST_BESIDE,
+    PAINT_REACH_M,
     PIECE_CHORD_M,
     SAME_LOOK_S,
     TILE_M,
@@ -33,10 +35,6 @@ N_BEYOND = 12
 _BEYOND_M = 1.0
 #: Points this near to the sides of the paint are blurred by the spot of the beam. [m]
 _BLURRED_M = 0.02
-#: Points beside paint are this far off at most. [m]
-_REACH_M = 0.36
-#: Fewest points beside a dash that give the brightness of the road.
-_LEAST_BESIDE = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,17 +92,16 @@ def ends_of_dashes(
         return DashEnds.empty()
     middle = np.stack([one.vertices[len(one.vertices) // 2, :2] for one in dashes])
     tiles = np.floor(middle / TILE_M).astype(np.int64)
-    found = []
+    found, order = [], []
     every_tile = np.unique(tiles, axis=0).tolist()
     for n_done, tile in enumerate(every_tile):
         if advance is not None:
             advance(n_done, len(every_tile))
         rows = np.flatnonzero((tiles == tile).all(axis=1)).tolist()
         found.append(_ends_in_tile([dashes[row] for row in rows], points_in))
-    ends = DashEnds.concatenate(found)
+        order += rows
     # As the dashes are listed: by marking, and along it
-    order = np.concatenate([np.flatnonzero((tiles == tile).all(axis=1)) for tile in every_tile])
-    return ends.take(np.argsort(order, kind="stable"))
+    return DashEnds.concatenate(found).take(np.argsort(order, kind="stable"))
 
 
 def _dashes(lines: LineSet, least_ratios: Mapping[int, float]) -> Iterator[_Dash]:
@@ -140,7 +137,7 @@ def _on_line(xyz: FloatArray, along: FloatArray, at: FloatArray) -> FloatArray:
 
 def _ends_in_tile(dashes: list[_Dash], points_in: Callable[[Bounds], Points]) -> DashEnds:
     """Return what the points of one tile show."""
-    reach = max(one.half_m for one in dashes) + _REACH_M
+    reach = max(one.half_m for one in dashes) + PAINT_REACH_M
     every = np.concatenate([one.vertices[:, :2] for one in dashes])
     low, high = every.min(axis=0) - reach, every.max(axis=0) + reach
     points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
@@ -197,7 +194,7 @@ def _ratios(on: PointsOnChords, half_m: float) -> FloatArray:
     for look in np.split(order, np.flatnonzero(np.diff(on.time_s[order]) > SAME_LOOK_S) + 1):
         across, value = on.across_m[look], on.brightness[look]
         road = np.concatenate([beside_paint(side * across - half_m, value) for side in (1.0, -1.0)])
-        level = float(np.median(road)) if len(road) >= _LEAST_BESIDE else 0.0
+        level = float(np.median(road)) if len(road) >= LEAST_BESIDE else 0.0
         if level > 0.0:
             ratio[look] = value / level
     return ratio

@@ -88,10 +88,11 @@ def dash_samples(lines: LineSet, axis: Axis, ends: DashEnds | None = None) -> It
 
 def _lengths_by_points(
     along: FloatArray, of_all: MarkingRhythm | None, ends: DashEnds | None, line: int
-) -> dict[int, MarkingRhythm]:
+) -> dict[int, MarkingRhythm | None]:
     """Return the rhythm of each dash of a marking from the points at the ends of all, by its number; of those that have one.
 
     Found stretch by stretch, as periods drift; stretches have one length unless theirs differ by more than chance makes.
+    None where the likeliest length is farther from that of the lines than lengths are compared: lines and points disagree.
     """
     rows = np.flatnonzero(ends.line == line) if ends is not None else np.zeros(0, dtype=np.int64)
     if ends is None or of_all is None or len(rows) != len(along):
@@ -107,8 +108,11 @@ def _lengths_by_points(
             near = of_all
         rhythm = MarkingRhythm(of_all.dash_m, near.dash_m + near.gap_m - of_all.dash_m)
         found.append((here, dashes_of_stretch(own.begin[here], own.end[here], share, along[here], rhythm)))
-    every = likeliest_length(of_all.dash_m, np.sum([one.likelihood for _, one in found], axis=0))
-    lengths: dict[int, MarkingRhythm] = {}
+    likelihoods = np.sum([one.likelihood for _, one in found], axis=0)
+    if np.argmax(likelihoods) in (0, len(likelihoods) - 1):
+        return dict.fromkeys(range(len(along)))
+    every = likeliest_length(of_all.dash_m, likelihoods)
+    lengths: dict[int, MarkingRhythm | None] = {}
     for here, (period, likelihood) in found:
         alone = likeliest_length(of_all.dash_m, likelihood)
         by_chance = _BY_CHANCE * math.hypot(alone.sigma_m, every.sigma_m)

@@ -29,13 +29,13 @@ CORE_SHARE = 0.5
 #: joints and the end of the pavement make it another road than that under the paint. [m]
 _BESIDE_M = (0.06, 0.16)
 #: Points are looked at this far off the edges of paint. [m]
-_REACH_M = 0.36
+PAINT_REACH_M = 0.36
 #: Points of the road are this near to the line in height: legs, cars and kerbs are higher. [m]
 _NEAR_ROAD_M = 0.06
 #: Sides whose brightness varies by this much more than that of the other are not all road. [ratio]
 _UNEVEN = 1.5
 #: Fewest points beside a piece that give the brightness of the road.
-_LEAST_BESIDE = 8
+LEAST_BESIDE = 8
 #: Points later than this belong to another look: another head, or another pass, with a brightness of its own. Scan lines
 #: are 5 to 20 ms apart. [s]
 SAME_LOOK_S = 0.05
@@ -163,7 +163,7 @@ def _looked_at(
     pieces: list[FloatArray], line: IntArray, width_m: FloatArray, points_in: Callable[[Bounds], Points]
 ) -> PaintPieces:
     """Return what the points of one tile show."""
-    reach = 0.5 * float(width_m.max()) + _REACH_M
+    reach = 0.5 * float(width_m.max()) + PAINT_REACH_M
     every = np.concatenate(pieces)
     low, high = every[:, :2].min(axis=0) - reach, every[:, :2].max(axis=0) + reach
     points = points_in(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
@@ -278,10 +278,10 @@ def _look_across(across: FloatArray, value: FloatArray, half_m: float) -> _Look:
 
 def beside_paint(off_m: FloatArray, value: FloatArray) -> FloatArray:
     """Return the brightness of the points beside paint on one side, by their distance from its edge; of few, the nearest."""
-    reach = np.flatnonzero((off_m >= _BESIDE_M[0]) & (off_m <= _REACH_M))
+    reach = np.flatnonzero((off_m >= _BESIDE_M[0]) & (off_m <= PAINT_REACH_M))
     near = reach[off_m[reach] <= _BESIDE_M[1]]
-    if len(near) < _LEAST_BESIDE:
-        near = reach[np.argsort(off_m[reach], kind="stable")[:_LEAST_BESIDE]]
+    if len(near) < LEAST_BESIDE:
+        near = reach[np.argsort(off_m[reach], kind="stable")[:LEAST_BESIDE]]
     return value[near]
 
 
@@ -291,7 +291,7 @@ def _sides_of_road(looks: list[_Look]) -> tuple[BoolArray, float]:
     Chosen for all looks together, so that all refer to the same road. Road is even; across the edge of a pavement are two
     materials. A side that was hardly hit is what another marking left of it, bright by the blurred edge of its paint.
     """
-    is_hit = np.array([[len(there) >= _LEAST_BESIDE for there in look.beside] for look in looks])
+    is_hit = np.array([[len(there) >= LEAST_BESIDE for there in look.beside] for look in looks])
     n = np.array([[len(there) for there in look.beside] for look in looks]).sum(axis=0)
     level, uneven = np.full((2, len(looks), 2), np.nan)
     for i, k in np.argwhere(is_hit).tolist():
@@ -313,7 +313,7 @@ def _as_ratios(
     other or it was laid anew. So its brightness is the mean of both, each point beside relative to its own side, and half
     of their difference its deviation. Of a side that was not hit the brightness follows from the other.
     """
-    is_hit = np.array([len(there) >= _LEAST_BESIDE for there in look.beside])
+    is_hit = np.array([len(there) >= LEAST_BESIDE for there in look.beside])
     used = np.flatnonzero(is_road & is_hit).tolist()
     level = [float(np.median(look.beside[k])) for k in used]
     if not used or min(level) <= 0.0:
